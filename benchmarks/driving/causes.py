@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive import _core
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.simulation import Simulation
 
     Floats = NDArray[np.float64]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.config.schema import SimulationSettings
-    from interdrive.results import Run
+    from interdrive.runs import Run
 
 #: An agent stands below the first speed and is slow below the second one [m/s].
 STANDING, SLOW = 0.1, 1.0

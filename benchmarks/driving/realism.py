@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive import _core
-    from interdrive.results import Run
     from interdrive.run import States
+    from interdrive.runs import Run
     from interdrive.scenario import Obstacles
 
     Floats = NDArray[np.float64]

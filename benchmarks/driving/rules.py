@@ -34,8 +34,8 @@ from interdrive.simulation import Simulation, reachable_agents
 
 if TYPE_CHECKING:
     from interdrive import _core
-    from interdrive.results import Run
     from interdrive.run.violations.drives import Drives
+    from interdrive.runs import Run
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Faster than the limit by more than this share counts.

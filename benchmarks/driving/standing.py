@@ -12,7 +12,7 @@ from interdrive.scenario.native import core_scenario
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.simulation import Simulation
 
     Floats = NDArray[np.float64]

@@ -10,60 +10,11 @@ from __future__ import annotations
 
 import importlib
 
-TYPE_CHECKING = False  # typing takes longer to import than this module
-if TYPE_CHECKING:
-    from typing import Any
-
-    from interdrive import criticality, plots, report
-    from interdrive._core import Predictions, Scene, View, __version__
-    from interdrive.batches import batch, read_batch
-    from interdrive.benchmarks import Benchmark, benchmark
-    from interdrive.config.agent_config import PlannersSpec, ViewsSpec
-    from interdrive.config.schema import SettingsSpec, SimulationSettings
-    from interdrive.config.specs import PlannerSpec, PredictorSpec
-    from interdrive.errors import InputError, InterdriveError, NoRouteError, PredictorError, ResultsError
-    from interdrive.files import (
-        ScenarioSpec,
-        join,
-        read_scenario,
-        scenario_from_commonroad,
-        shipped_scenario,
-        shipped_scenarios,
-        write_scenario,
-    )
-    from interdrive.files.solution import write_solution
-    from interdrive.native_settings import ViewSettings
-    from interdrive.planners import (
-        Frenet,
-        Idm,
-        IdmMobil,
-        Planner,
-        PlannerSettings,
-        Recorded,
-        Trajectory,
-        VelocityAdjusting,
-    )
-    from interdrive.prediction_evaluation import PredictionEvaluation, evaluate_predictors
-    from interdrive.predictors import (
-        ConstantVelocity,
-        GroundTruth,
-        LaneFollowing,
-        Neural,
-        Predictor,
-        PredictorSettings,
-    )
-    from interdrive.predictors.walenet import Walenet
-    from interdrive.results import Run, RunInterrupted, load, save
-    from interdrive.scenario import Scenario
-    from interdrive.scenario.agents import AgentSettings, GoalSettings
-    from interdrive.scoring import Score, ScoringSettings, score
-    from interdrive.simulation import Simulation, simulate
-    from interdrive.studies import CaseStudy, case_study
-
 #: Packages that are imported when they are first used.
-_PACKAGES = ("criticality", "plots", "report")
+_PACKAGES = ("batch_report", "criticality", "plots", "report")
 
-# Modules are imported when a name is first used: `interdrive --help` needs none of them.
+# Modules are imported when a name is first used: `interdrive --help` needs none of them. Type checkers read the same
+# from `__init__.pyi`, so that nothing is imported here and every module may import `interdrive._core`.
 _HOME = {
     "Predictions": "_core",
     "Scene": "_core",
@@ -104,10 +55,10 @@ _HOME = {
     "Predictor": "predictors",
     "PredictorSettings": "predictors",
     "Walenet": "predictors.walenet",
-    "load": "results",
     "save": "results",
-    "Run": "results",
-    "RunInterrupted": "results",
+    "Run": "runs",
+    "RunInterrupted": "runs",
+    "load": "runs",
     "Scenario": "scenario",
     "Score": "scoring",
     "ScoringSettings": "scoring",
@@ -126,73 +77,10 @@ _HOME = {
     "case_study": "studies",
 }
 
-__all__ = [
-    "AgentSettings",
-    "Benchmark",
-    "CaseStudy",
-    "ConstantVelocity",
-    "Frenet",
-    "GoalSettings",
-    "GroundTruth",
-    "Idm",
-    "IdmMobil",
-    "InputError",
-    "InterdriveError",
-    "LaneFollowing",
-    "Neural",
-    "NoRouteError",
-    "Planner",
-    "PlannerSettings",
-    "PlannerSpec",
-    "PlannersSpec",
-    "PredictionEvaluation",
-    "Predictions",
-    "Predictor",
-    "PredictorError",
-    "PredictorSettings",
-    "PredictorSpec",
-    "Recorded",
-    "ResultsError",
-    "Run",
-    "RunInterrupted",
-    "Scenario",
-    "ScenarioSpec",
-    "Scene",
-    "Score",
-    "ScoringSettings",
-    "SettingsSpec",
-    "Simulation",
-    "SimulationSettings",
-    "Trajectory",
-    "VelocityAdjusting",
-    "View",
-    "ViewSettings",
-    "ViewsSpec",
-    "Walenet",
-    "__version__",
-    "batch",
-    "benchmark",
-    "case_study",
-    "criticality",
-    "evaluate_predictors",
-    "join",
-    "load",
-    "plots",
-    "read_batch",
-    "read_scenario",
-    "report",
-    "save",
-    "scenario_from_commonroad",
-    "score",
-    "shipped_scenario",
-    "shipped_scenarios",
-    "simulate",
-    "write_scenario",
-    "write_solution",
-]
+__all__ = sorted([*_PACKAGES, *_HOME])  # noqa: PLE0605 - the names of `__init__.pyi`
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+def __getattr__(name: str) -> object:
     if name in _PACKAGES:
         return importlib.import_module(f"interdrive.{name}")
     if name not in _HOME:

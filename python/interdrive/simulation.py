@@ -20,7 +20,6 @@ from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import Failure, ask, planned
 from interdrive.planners.workers import Wanted, Workers, can_be_sent
-from interdrive.results import Run, RunInterrupted
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
@@ -29,6 +28,7 @@ from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import STANDSTILL, reasons
 from interdrive.run.violations import Grants, violations
+from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count

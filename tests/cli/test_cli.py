@@ -22,7 +22,8 @@ from interdrive import files, simulation
 from interdrive.cli import main
 from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
-from interdrive.results import RunInterrupted, read_results, save
+from interdrive.results import read_results, save
+from interdrive.runs import RunInterrupted
 
 RUN = invented_run()
 GOOD = replace(

@@ -11,6 +11,8 @@ from click.testing import CliRunner
 from rich.console import Console
 
 import interdrive as idr
+from interdrive.batch_report.comparison import compared_of
+from interdrive.batch_report.contents import batch_contents
 from interdrive.batches import BatchFolder, query
 from interdrive.batches.columns import AGENT_COLUMNS, COLUMNS
 from interdrive.batches.dataset import encoded, joined
@@ -26,8 +28,6 @@ from interdrive.comparison.scores import batch_scores
 from interdrive.comparison.tables import markdown, sheets_of
 from interdrive.errors import ResultsError
 from interdrive.plots.style import OUTCOME_MARKS
-from interdrive.report.batch import batch_contents
-from interdrive.report.comparison import compared_of
 from interdrive.run import OUTCOMES
 from interdrive.storage import arrow_table, labels
 

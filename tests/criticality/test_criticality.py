@@ -33,7 +33,8 @@ from interdrive.criticality.tables import (
 )
 from interdrive.errors import InputError, ResultsError
 from interdrive.files import run_document
-from interdrive.results import recorded_run, reopen, save
+from interdrive.results import save
+from interdrive.runs import recorded_run, reopen
 from interdrive.scenario import Incoming, Shape
 from interdrive.simulation import simulate
 from interdrive.testing import Car, crossing, problem, straight_road, world

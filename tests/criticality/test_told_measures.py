@@ -23,7 +23,8 @@ from interdrive.criticality.tables import (
 )
 from interdrive.files import run_document
 from interdrive.report.contents import run_contents
-from interdrive.results import recorded_run, save
+from interdrive.results import save
+from interdrive.runs import recorded_run
 from interdrive.scenario import Shape
 from interdrive.simulation import simulate
 from interdrive.storage import origin_of

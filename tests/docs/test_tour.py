@@ -14,8 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 import interdrive as idr
+from interdrive.batch_report import is_batch
 from interdrive.cli import main
-from interdrive.report import is_batch
 from interdrive.results import holds_run
 
 pytestmark = pytest.mark.long

@@ -7,7 +7,8 @@ import re
 import pytest
 
 PUBLIC = (
-    "interdrive", "interdrive.batches", "interdrive.comparison", "interdrive.criticality", "interdrive.files",
+    "interdrive", "interdrive.batch_report", "interdrive.batches", "interdrive.comparison", "interdrive.criticality",
+    "interdrive.files",
     "interdrive.planners", "interdrive.plots", "interdrive.prediction_evaluation", "interdrive.predictors",
     "interdrive.report", "interdrive.results", "interdrive.run", "interdrive.scenario", "interdrive.studies",
     "interdrive.testing",

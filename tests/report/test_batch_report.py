@@ -13,6 +13,8 @@ import pytest
 from click.testing import CliRunner
 from packed import unpacked
 
+from interdrive.batch_report import write_batch_report
+from interdrive.batch_report.contents import batch_contents
 from interdrive.batches import batch
 from interdrive.batches.store import BatchFolder
 from interdrive.cli import main
@@ -21,8 +23,6 @@ from interdrive.comparison.tables import sheets_of
 from interdrive.config.schema import SimulationSettings, StepSettings
 from interdrive.errors import ResultsError
 from interdrive.files import shipped_scenario
-from interdrive.report import write_batch_report
-from interdrive.report.batch import batch_contents
 from interdrive.results import holds_run
 
 pytestmark = pytest.mark.long

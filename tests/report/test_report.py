@@ -27,7 +27,8 @@ from interdrive.report.contents import run_contents
 from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
-from interdrive.results import candidates_table, holds_run, predictions_table, read_results, recorded_run, save
+from interdrive.results import candidates_table, holds_run, predictions_table, read_results, save
+from interdrive.runs import recorded_run
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
 

@@ -18,7 +18,8 @@ from interdrive.config.schema import RecordSettings, SimulationSettings
 from interdrive.report import write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
-from interdrive.results import read_results, reopen, save
+from interdrive.results import read_results, save
+from interdrive.runs import reopen
 from interdrive.simulation import Simulation, simulate
 from interdrive.testing import Car, problem, straight_road, world
 

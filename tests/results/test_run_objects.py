@@ -10,8 +10,9 @@ from dataclasses import replace
 import pytest
 
 import interdrive as idr
-from interdrive.results import RunInterrupted, read_results, reopen
+from interdrive.results import read_results
 from interdrive.run import States
+from interdrive.runs import RunInterrupted, reopen
 
 
 @pytest.fixture(scope="module")

@@ -146,7 +146,7 @@ def test_a_written_run_is_valid_by_the_schema_of_commonroad_io(scenarios_folder,
 def test_equal_runs_are_written_as_equal_bytes_whatever_the_order_of_hashes():
     script = (
         "import hashlib\n"
-        "from interdrive.results import recorded_run\n"
+        "from interdrive.runs import recorded_run\n"
         "from interdrive.files import read_scenario, shipped_scenario, run_document\n"
         "data = run_document(recorded_run(read_scenario(shipped_scenario('intersection'))))\n"
         "print(len(data), hashlib.sha256(data).hexdigest())\n"

@@ -25,8 +25,9 @@ from interdrive.plots import (
 )
 from interdrive.plots.figures import KINDS
 from interdrive.plots.style import agent_colors, pair_colors
-from interdrive.results import read_results, reopen, save
+from interdrive.results import read_results, save
 from interdrive.results.reader import stored_plans
+from interdrive.runs import reopen
 from interdrive.simulation import simulate
 
 

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from interdrive.results import Run
 from interdrive.run import (
     PHASES,
     AgentRecord,
@@ -21,6 +20,7 @@ from interdrive.run import (
     States,
     Timings,
 )
+from interdrive.runs import Run
 from interdrive.scenario import GoalState, Lanelets, Obstacles, Scenario, Shape
 
 N_STEPS = 60

@@ -4,8 +4,8 @@ import commonroad_documents as cr
 import numpy as np
 
 from interdrive.files import read_scenario, run_document
-from interdrive.results import Run
 from interdrive.run import States
+from interdrive.runs import Run
 
 
 def run_of(scenario, *, first_time_step=0, participants=None):

@@ -13,7 +13,7 @@ import interdrive as idr
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
 
 #: Real scenarios and the agents that drive in the tests: a T-junction, two merges, a few vehicles of a dense highway.
 REAL = {

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from interdrive.batches.plan import RunSpec
     from interdrive.criticality import Criticality
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.scoring import Score
     from interdrive.storage import ArrowTable
 

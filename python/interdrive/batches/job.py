@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from interdrive.batches.plan import RunSpec
     from interdrive.config.agent_config import PlannersSpec
     from interdrive.config.specs import PlannerSpec
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
     from interdrive.scoring import Score

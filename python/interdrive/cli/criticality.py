@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from interdrive.criticality import Criticality, CriticalMoment
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: Pairs that are printed for several files.
 _PAIRS = 20
@@ -30,7 +30,7 @@ class _Source:
     """What is evaluated: its name, how it is opened, and the folder for its tables."""
 
     name: str
-    opened: Callable[[], Run]
+    opened: Callable[[], RunRecord]
     folder: Path
 
 
@@ -137,11 +137,12 @@ def _sources(what: tuple[str, ...], out: str | None, *, raw: bool) -> Iterator[t
     from interdrive.batches.plan import scenario_files  # noqa: PLC0415
     from interdrive.criticality.tables import CRITICALITY_FOLDER  # noqa: PLC0415
     from interdrive.files import open_scenario, scenario_file  # noqa: PLC0415
-    from interdrive.results import recorded_run, reopen  # noqa: PLC0415 - pyarrow
+    from interdrive.results import read_part  # noqa: PLC0415 - pyarrow
+    from interdrive.run.assemble import recorded_traffic  # noqa: PLC0415
     from interdrive.storage import claimed_new, not_a_link, resolved  # noqa: PLC0415
 
-    def recorded(path: str) -> Run:
-        return recorded_run(open_scenario(path, raw=raw))
+    def recorded(path: str) -> RunRecord:
+        return recorded_traffic(open_scenario(path, raw=raw))
 
     runs = [one for one in what if (Path(one) / "run.json").exists()]
     is_one = len(what) == 1 and (bool(runs) or not Path(what[0]).is_dir())
@@ -151,7 +152,7 @@ def _sources(what: tuple[str, ...], out: str | None, *, raw: bool) -> Iterator[t
             return not_a_link(out) if out else stack.enter_context(claimed_new(Path("out") / name, CRITICALITY_FOLDER))
 
         if is_one and runs:
-            found = [_Source(what[0], partial(reopen, what[0]), not_a_link(out) if out else resolved(what[0]))]
+            found = [_Source(what[0], partial(read_part, what[0]), not_a_link(out) if out else resolved(what[0]))]
             yield found, found[0].folder
             return
         if is_one:
@@ -161,7 +162,7 @@ def _sources(what: tuple[str, ...], out: str | None, *, raw: bool) -> Iterator[t
             return
         files = scenario_files(one for one in what if one not in runs)[0] if len(runs) < len(what) else []
         above = place("criticality")
-        found = [_Source(one, partial(reopen, one), above / Path(one).resolve().name) for one in runs]
+        found = [_Source(one, partial(read_part, one), above / Path(one).resolve().name) for one in runs]
         found += [_Source(file.name, partial(recorded, file.path), above / file.category / file.name) for file in files]
         for number, source in enumerate(found):
             if any(source.folder == other.folder for other in found[:number]):
@@ -169,7 +170,7 @@ def _sources(what: tuple[str, ...], out: str | None, *, raw: bool) -> Iterator[t
         yield found, above
 
 
-def _draw(run: Run, found: Criticality, folder: Path) -> None:
+def _draw(run: RunRecord, found: Criticality, folder: Path) -> None:
     from interdrive.plots import draw_critical_moment, draw_criticality, save_figure  # noqa: PLC0415
     from interdrive.plots.style import AGENTS, agent_colors  # noqa: PLC0415
 

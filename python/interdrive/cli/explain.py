@@ -32,9 +32,9 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
         raise InputError("explain: a figure shows one agent; name it after the run folder")
 
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
-    from interdrive.results import load  # noqa: PLC0415 - pyarrow
     from interdrive.results.story import ending as ending_of  # noqa: PLC0415
     from interdrive.results.story import story  # noqa: PLC0415
+    from interdrive.runs import load  # noqa: PLC0415 - pyarrow
 
     run = load(folder)
     lines = [ending_of(run, one.id) for one in run.agents] if number is None else story(run, number)

@@ -20,8 +20,9 @@ def report(folder: str, other: str | None, out: str | None, quiet: bool) -> None
     and all runs; runs whose folders were kept get separate pages, one click away. Two RUNs of one scenario, of two
     planners for instance, are shown side by side with one clock.
     """
+    from interdrive.batch_report import is_batch, write_batch_report  # noqa: PLC0415 - matplotlib
     from interdrive.cli.report import print_page, progress  # noqa: PLC0415 - rich
-    from interdrive.report import is_batch, write_batch_report, write_pair_report, write_run_report  # noqa: PLC0415 - matplotlib
+    from interdrive.report import write_pair_report, write_run_report  # noqa: PLC0415
 
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")

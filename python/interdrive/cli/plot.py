@@ -47,7 +47,7 @@ def plot(
 
     from interdrive.cli.report import output, progress  # noqa: PLC0415 - rich
     from interdrive.plots import draw_figure, figure_kind, save_figure  # noqa: PLC0415 - matplotlib
-    from interdrive.results import Run, read_results, reopen, with_cooperation, with_routes  # noqa: PLC0415 - pyarrow
+    from interdrive.results import read_part, read_results, with_cooperation, with_routes  # noqa: PLC0415 - pyarrow
     from interdrive.results.folder import inputs_of  # noqa: PLC0415
     from interdrive.results.reader import stored_plans  # noqa: PLC0415
     from interdrive.storage import keep_inputs  # noqa: PLC0415
@@ -59,9 +59,9 @@ def plot(
     with progress(quiet=quiet) as bar:
         bar.say(f"reading {folder}")
         results = read_results(folder, in_part=True)
-        run = replace(reopen(folder, results), plans=stored_plans(results))
+        run = replace(read_part(folder, results), plans=stored_plans(results))
         if name == "messages":
-            run = Run(**vars(with_cooperation(with_routes(run, results), results)))
+            run = with_cooperation(with_routes(run, results), results)
         bar.say("drawing")
         figure = draw_figure(run, kind, agents=numbers, measures=panels, columns=columns)
         path = Path(out or f"{run.scenario.name}_{name}{f'_{time:g}s' if time is not None else ''}.pdf")

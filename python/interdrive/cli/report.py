@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality, CriticalMoment
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.scenario.inspection import Inspection, Junction
     from interdrive.studies import CaseStudy
     from interdrive.studies.cooperation import CooperationStudy

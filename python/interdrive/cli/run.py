@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
     from interdrive.config.specs import PlannerSpec
-    from interdrive.results import Run
+    from interdrive.runs import Run
 
 
 #: Additional recordings for a report or the film of an agent; each can be switched off again.
@@ -113,7 +113,8 @@ def run(
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
     from interdrive.config.binding import flatten  # noqa: PLC0415
     from interdrive.files import scenario_file, scenario_parts  # noqa: PLC0415
-    from interdrive.results import RUN_FOLDER, RunInterrupted, save  # noqa: PLC0415
+    from interdrive.results import RUN_FOLDER, save  # noqa: PLC0415
+    from interdrive.runs import RunInterrupted  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
     source = scenario_file(choices.scenario)  # before anything else is done

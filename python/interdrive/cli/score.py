@@ -41,7 +41,7 @@ def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv:
         scores, no_humans = batch_scores(folder), left_out_humans(BatchFolder.open(folder).table())
         print_batch_scores(scores, no_humans=no_humans, as_csv=as_csv)
         return
-    from interdrive.results import load  # noqa: PLC0415 - pyarrow
+    from interdrive.runs import load  # noqa: PLC0415 - pyarrow
     from interdrive.scoring import ScoringSettings, save_score, score_table  # noqa: PLC0415
     from interdrive.scoring import score as scored  # noqa: PLC0415
 

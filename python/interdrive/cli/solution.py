@@ -38,8 +38,8 @@ def solution(
     (BMW 320i); --set agents.vehicle_type=1 drives another one. Exit code 1: a check failed.
     """
     from interdrive.files.solution import write_solution  # noqa: PLC0415 - numpy
-    from interdrive.results import load  # noqa: PLC0415 - pyarrow
     from interdrive.results.folder import inputs_of  # noqa: PLC0415
+    from interdrive.runs import load  # noqa: PLC0415 - pyarrow
     from interdrive.storage import keep_inputs, replacing  # noqa: PLC0415
 
     run = load(folder)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import gymnasium
     from numpy.typing import NDArray
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
 
 
 class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]

@@ -9,10 +9,10 @@ from interdrive.config.binding import flatten
 from interdrive.envs.actions import KinematicGrid
 from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic
-from interdrive.results import Run
 from interdrive.run import Plans
 from interdrive.run.assemble import agent_record, digest, no_timings, outcomes_of, states_of
 from interdrive.run.reasons import reasons
+from interdrive.runs import Run
 
 if TYPE_CHECKING:
     import numpy as np

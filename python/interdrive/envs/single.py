@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
 
 
 def only_one(learners: object, name: str) -> None:

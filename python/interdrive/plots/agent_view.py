@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive.plots.view import Bools, Floats
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class AgentView:
 class AgentViews:
     """What a run recorded about one agent; empty where `record.candidates` or `record.predictions` was not set."""
 
-    def __init__(self, run: Run, agent_id: int | None) -> None:
+    def __init__(self, run: RunRecord, agent_id: int | None) -> None:
         """Of an agent of the run; of none, there is nothing."""
         self._run, self._agent_id = run, agent_id
         self.exist = agent_id is not None and (run.candidates is not None or run.predictions is not None)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from interdrive.plots.agent_view import AgentView
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: The last frame stays for this long [s].
 _HOLD = 2.0
@@ -43,7 +43,7 @@ def check_animation(path: str | Path) -> None:
 
 
 def animate_run(
-    run: Run,
+    run: RunRecord,
     path: str | Path,
     agent_id: int | None = None,
     *,
@@ -86,7 +86,7 @@ def animate_run(
             _write_mp4(stage, columns, rate, partial, on_frame)
 
 
-def draw_agent_view(run: Run, path: str | Path, agent_id: int, time_step: int | None = None) -> None:
+def draw_agent_view(run: RunRecord, path: str | Path, agent_id: int, time_step: int | None = None) -> None:
     """Writes one frame of the film that follows an agent: its candidates, and the predictions that it sees, as PNG.
 
     Args:
@@ -116,7 +116,7 @@ def draw_agent_view(run: Run, path: str | Path, agent_id: int, time_step: int | 
         Stage(run, agent_id, follow=True).frame(chosen - run.states.first_time_step).save(partial, "PNG")
 
 
-def _modes_near(run: Run, agent_id: int, time_step: int, shown: AgentView | None) -> int:
+def _modes_near(run: RunRecord, agent_id: int, time_step: int, shown: AgentView | None) -> int:
     """Modes of others that begin so near to the agent that a picture shows them."""
     if shown is None:
         return 0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from interdrive.criticality import Criticality, CriticalMoment, Measure
     from interdrive.plots.view import Floats
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 _COLUMNS, _PANEL = 3, 27.0 * MM
 
@@ -108,7 +108,7 @@ def _draw(axes: Axes, found: Criticality, row: int, measure: Measure, time: Floa
         axes.plot(at, extreme.value[row], "o", ms=4.2, mfc="white", mec=INK, mew=1.2, zorder=4, clip_on=False)
 
 
-def draw_critical_moment(run: Run, moment: CriticalMoment) -> Figure:
+def draw_critical_moment(run: RunRecord, moment: CriticalMoment) -> Figure:
     """The scene around a critical moment, 180 mm wide: both vehicles with time stamps, all others at that moment.
 
     Args:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from interdrive.criticality import evaluate
 from interdrive.errors import InputError
 from interdrive.plots.messages import draw_messages
 from interdrive.plots.paper import LINES_MAX, chosen_agents, draw_measures, draw_scene, draw_trajectories, draw_velocity
@@ -15,14 +16,14 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: Kinds of figures; a scene is at a time in seconds.
 KINDS = ("run", "trajectories", "velocity", "criticality", "messages", "scene@SECONDS")
 
 
 def draw_figure(
-    run: Run,
+    run: RunRecord,
     kind: str = "run",
     *,
     agents: Sequence[int] | None = None,
@@ -53,7 +54,7 @@ def draw_figure(
         return draw_velocity(run, agents, columns=columns or 1)
     if name == "criticality":
         shown = chosen_agents(run, agents, LINES_MAX)
-        return draw_measures(run.criticality(), shown, measures, columns=columns or 1)
+        return draw_measures(evaluate(run), shown, measures, columns=columns or 1)
     if name == "messages":
         if agents is not None:
             raise InputError("the figure of messages shows all agents; leave them out")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from interdrive.plots.agent_view import AgentView
     from interdrive.plots.view import Floats
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
 _WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66
@@ -81,7 +81,7 @@ class _Layers:
 class Stage:
     """Draws single frames of a run."""
 
-    def __init__(self, run: Run, agent_id: int | None, *, follow: bool) -> None:
+    def __init__(self, run: RunRecord, agent_id: int | None, *, follow: bool) -> None:
         self.run, self.agent_id = run, agent_id
         self.footprints = Footprints(run)
         self.colors = agent_colors(run)
@@ -315,7 +315,7 @@ def _rows_by_time_step(time_step: Any) -> dict[int, range]:  # noqa: ANN401 - so
     return {int(step): range(int(a), int(b)) for step, a, b in zip(steps, first, last, strict=True)}
 
 
-def _camera_path(run: Run, row: int) -> Floats:
+def _camera_path(run: RunRecord, row: int) -> Floats:
     """Where the camera looks per column [m]: ahead of the agent, smoothed; it waits before the start and at the end."""
     states = run.states
     columns = np.flatnonzero(states.valid[row])

@@ -44,8 +44,7 @@ if TYPE_CHECKING:
 
     from interdrive.criticality import Criticality
     from interdrive.plots.view import Floats
-    from interdrive.results import Run
-    from interdrive.run import Plans
+    from interdrive.run import Plans, RunRecord
 
 #: Widths on paper [mm] by number of columns: those of IEEE journals (88.9 and 181.9 mm), a little less.
 WIDTHS = {1: 88.0, 2: 180.0}
@@ -58,7 +57,7 @@ _FONT, _PANEL = 7.0, 34.0 * MM
 _LABEL = 22
 
 
-def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = None) -> list[int]:
+def chosen_agents(run: RunRecord, agents: Sequence[int] | None, most: int | None = None) -> list[int]:
     """Ids of the agents to draw, in their order; all of them by default.
 
     Raises:
@@ -79,7 +78,7 @@ def chosen_agents(run: Run, agents: Sequence[int] | None, most: int | None = Non
     return shown
 
 
-def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns: int = 2) -> Figure:
+def draw_trajectories(run: RunRecord, agents: Sequence[int] | None = None, *, columns: int = 2) -> Figure:
     """The picture of `draw_run` for some agents; the others are drawn like recorded traffic.
 
     Args:
@@ -112,7 +111,7 @@ def draw_trajectories(run: Run, agents: Sequence[int] | None = None, *, columns:
     return draw_run(some, width_mm=WIDTHS[columns], others=others)
 
 
-def draw_velocity(run: Run, agents: Sequence[int] | None = None, *, columns: int = 1) -> Figure:
+def draw_velocity(run: RunRecord, agents: Sequence[int] | None = None, *, columns: int = 1) -> Figure:
     """Velocity of agents over time, with the markers of their outcomes.
 
     Args:
@@ -178,7 +177,7 @@ def draw_measures(
 
 
 def draw_scene(
-    run: Run, plans: Plans | None, time: float, agents: Sequence[int] | None = None, *, columns: int = 1
+    run: RunRecord, plans: Plans | None, time: float, agents: Sequence[int] | None = None, *, columns: int = 1
 ) -> Figure:
     """All participants at one time: agents with ids, past (thin) and plan (thick), recorded traffic grey.
 
@@ -221,7 +220,7 @@ def draw_scene(
     return figure
 
 
-def _around(run: Run, rows: Sequence[int], column: int) -> View:
+def _around(run: RunRecord, rows: Sequence[int], column: int) -> View:
     """Where the agents are and will be in the next seconds."""
     states = run.states
     ahead = slice(column, column + round(2.0 / run.scenario.dt) + 1)
@@ -233,7 +232,7 @@ def _around(run: Run, rows: Sequence[int], column: int) -> View:
     return view_around(np.concatenate(points), np.concatenate(motion))
 
 
-def _draw_bodies(axes: Axes, run: Run, column: int, colors: Mapping[int, str], view: View) -> None:
+def _draw_bodies(axes: Axes, run: RunRecord, column: int, colors: Mapping[int, str], view: View) -> None:
     states, footprints = run.states, Footprints(run)
     for row in np.flatnonzero(states.valid[:, column]).tolist():
         lines = footprints.outlines(row, column, view)
@@ -247,7 +246,9 @@ def _draw_bodies(axes: Axes, run: Run, column: int, colors: Mapping[int, str], v
             axes.add_collection(PolyCollection(mark, facecolors=edge, linewidths=0.0, zorder=4), autolim=False)
 
 
-def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], color: str, view: View) -> list[Floats]:
+def _draw_ways(
+    axes: Axes, run: RunRecord, plans: Plans | None, at: tuple[int, int], color: str, view: View
+) -> list[Floats]:
     """Past and plan of an agent; returns their points in the picture."""
     states, (row, column) = run.states, at
     lines = [(track(run, row, slice(column + 1)), 0.7)]
@@ -265,7 +266,7 @@ def _draw_ways(axes: Axes, run: Run, plans: Plans | None, at: tuple[int, int], c
     return drawn
 
 
-def _body(run: Run, row: int, column: int, view: View) -> Floats:
+def _body(run: RunRecord, row: int, column: int, view: View) -> Floats:
     """Points along the middle of a footprint in the picture, shape (points, 2)."""
     states = run.states
     along = np.linspace(-0.5, 0.5, 5) * states.length[row]

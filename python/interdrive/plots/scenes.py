@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from interdrive.plots.view import Bools, Floats
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 
@@ -64,7 +64,7 @@ class Scene:
         nearest: Column of the run's states at which the two vehicles are nearest; none: never both there.
     """
 
-    run: Run
+    run: RunRecord
     title: str
     nearest: int | None
 
@@ -126,7 +126,7 @@ def draw_scenes(
     return figure
 
 
-def _track(run: Run, number: int) -> Floats:
+def _track(run: RunRecord, number: int) -> Floats:
     """Positions [m], shape (time_steps, 2); nan while absent, and everywhere if the vehicle never takes part."""
     states = run.states
     for row in np.flatnonzero(states.participant_id == number):

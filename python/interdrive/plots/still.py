@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from interdrive.plots.view import Floats, View
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 _ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * MM
 
@@ -61,7 +61,7 @@ _FONT = 7.0
 _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
 
 
-def draw_run(run: Run, *, width_mm: float = 180.0, others: str = "recorded traffic") -> Figure:
+def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str = "recorded traffic") -> Figure:
     """A figure of the run: trajectories coloured by time over the road, outcomes as markers.
 
     Args:
@@ -123,7 +123,7 @@ def save_figure(figure: Figure, path: str | Path) -> None:
         partial.write_bytes(drawn.getbuffer())
 
 
-def _draw_recorded(axes: Axes, run: Run, footprints: Footprints, view: View) -> None:
+def _draw_recorded(axes: Axes, run: RunRecord, footprints: Footprints, view: View) -> None:
     states = run.states
     lines, areas, colors = [], [], []
     for row in np.flatnonzero(~states.is_agent & states.valid.any(axis=1)).tolist():
@@ -138,7 +138,7 @@ def _draw_recorded(axes: Axes, run: Run, footprints: Footprints, view: View) -> 
     )
 
 
-def _draw_trajectories(axes: Axes, run: Run, footprints: Footprints, view: View) -> Normalize:
+def _draw_trajectories(axes: Axes, run: RunRecord, footprints: Footprints, view: View) -> Normalize:
     """Draws lines and footprints of the agents; returns the range of times."""
     states, dt = run.states, run.scenario.dt
     agents = np.flatnonzero(states.is_agent & states.valid.any(axis=1)).tolist()
@@ -174,7 +174,7 @@ def _draw_trajectories(axes: Axes, run: Run, footprints: Footprints, view: View)
     return times
 
 
-def _shown_steps(run: Run, row: int, *, every_second: bool) -> list[int]:
+def _shown_steps(run: RunRecord, row: int, *, every_second: bool) -> list[int]:
     """Columns at which a footprint is drawn: first, last, and whole seconds in between unless they would overlap."""
     states = run.states
     steps = np.flatnonzero(states.valid[row])
@@ -187,7 +187,7 @@ def _shown_steps(run: Run, row: int, *, every_second: bool) -> list[int]:
     return [*shown, int(steps[-1])]
 
 
-def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floats]]:
+def _draw_ends(axes: Axes, run: RunRecord, view: View) -> dict[int, tuple[Floats, Floats]]:
     """Marks starts and outcomes; returns first and last position per agent."""
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
     ends = {}
@@ -201,7 +201,7 @@ def _draw_ends(axes: Axes, run: Run, view: View) -> dict[int, tuple[Floats, Floa
     return ends
 
 
-def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats, Floats]], width: float) -> None:
+def _draw_labels(axes: Axes, run: RunRecord, view: View, ends: dict[int, tuple[Floats, Floats]], width: float) -> None:
     """Puts every agent's id beside its start, and beside its end if it went wrong."""
     size = _FONT - 1.0 if len(ends) <= 30 else _FONT - 2.0
     ended = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
@@ -210,14 +210,14 @@ def _draw_labels(axes: Axes, run: Run, view: View, ends: dict[int, tuple[Floats,
     draw_labels(axes, view, width, wanted, _crowd(run, view), size)
 
 
-def _crowd(run: Run, view: View) -> Floats:
+def _crowd(run: RunRecord, view: View) -> Floats:
     """Points [m] that labels had better not cover: the agents' tracks."""
     rows = np.flatnonzero(run.states.is_agent & run.states.valid.any(axis=1)).tolist()
     tracks = [view.picture_from_world(track(run, row)) for row in rows]
     return np.concatenate([np.empty((0, 2)), *(points[:: max(1, len(points) // 60)] for points in tracks)])
 
 
-def _draw_scale(axes: Axes, run: Run, view: View, width: float) -> None:
+def _draw_scale(axes: Axes, run: RunRecord, view: View, width: float) -> None:
     """A scale bar and, in a turned picture, the world's axes, in the emptiest corners."""
     metre = view.width / (width / MM)  # metres per millimetre of paper
     corners = _free_corners(run, view)
@@ -238,14 +238,14 @@ def _draw_scale(axes: Axes, run: Run, view: View, width: float) -> None:
             axes.text(label[0], label[1], name, va="center", **style)
 
 
-def _free_corners(run: Run, view: View) -> list[Floats]:
+def _free_corners(run: RunRecord, view: View) -> list[Floats]:
     """Corners of the view [m], those with the fewest tracks around them first."""
     crowd, reach = _crowd(run, view), np.array([0.25 * view.width, 0.4 * view.height])
     corners = [np.array([x, y]) for y in view.y_limits for x in view.x_limits]
     return sorted(corners, key=lambda corner: int((np.abs(crowd - corner) < reach).all(axis=1).sum()))
 
 
-def _legend_handles(run: Run, others: str) -> list[Any]:
+def _legend_handles(run: RunRecord, others: str) -> list[Any]:
     handles: list[Any] = list(mark_handles(run.outcomes.outcome, count=True))
     handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
     if any(agent.goal_areas for agent in run.agents):

@@ -13,7 +13,7 @@ from interdrive.run.phases import phases
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: Shades of phases; driving has none.
 _SHADES = {"slowing": "#F5DFA8", "standing": "#BFD7EA", "emergency braking": "#F2B8A0"}
@@ -22,7 +22,7 @@ _SHADES = {"slowing": "#F5DFA8", "standing": "#BFD7EA", "emergency braking": "#F
 _NARROW = 0.04
 
 
-def draw_story(run: Run, agent_id: int) -> Figure:
+def draw_story(run: RunRecord, agent_id: int) -> Figure:
     """A figure, 180 mm wide: speed over time, shaded phases with the vehicle ahead, the outcome as a marker.
 
     Raises:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
 
 #: A millimetre [in], and the width of a page [in].
 MM = 1.0 / 25.4
@@ -88,12 +88,12 @@ EVENT_MARKS = {
 SIGNAL_COLORS = ("#ffffff", "#1a9850", "#f6c619", "#d73027")
 
 
-def agent_colors(run: Run) -> dict[int, str]:
+def agent_colors(run: RunRecord) -> dict[int, str]:
     """The colour that each agent of a run has in every figure, by id."""
     return {agent.id: AGENTS[index % len(AGENTS)] for index, agent in enumerate(run.agents)}
 
 
-def pair_colors(runs: Sequence[Run], pair: tuple[int, int]) -> tuple[str, str]:
+def pair_colors(runs: Sequence[RunRecord], pair: tuple[int, int]) -> tuple[str, str]:
     """Two different colours for two vehicles; agents have those of the run with the most agents."""
     known = agent_colors(max(runs, key=lambda run: len(run.agents)))
     first = known.get(pair[0]) or next(color for color in AGENTS if color != known.get(pair[1]))

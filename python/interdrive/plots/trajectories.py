@@ -8,14 +8,13 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive.plots.view import Floats
-    from interdrive.results import Run
-    from interdrive.run import Plans
+    from interdrive.run import Plans, RunRecord
 
 #: The least probable mode keeps so much of its strength.
 _FAINTEST = 0.15
 
 
-def track(run: Run, row: int, columns: slice = slice(None)) -> Floats:
+def track(run: RunRecord, row: int, columns: slice = slice(None)) -> Floats:
     """Positions [m] of a participant while it is present, shape (points, 2).
 
     Args:

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from interdrive.plots.view import Floats, View
-    from interdrive.results import Run
-    from interdrive.run import AgentRecord
+    from interdrive.run import AgentRecord, RunRecord
 
 
 def outlines(shape: Shape) -> list[Floats]:
@@ -29,7 +28,7 @@ def outlines(shape: Shape) -> list[Floats]:
     return [placed(corners, *shape.center, shape.orientation)]
 
 
-def body_outlines(run: Run) -> list[list[Floats]]:
+def body_outlines(run: RunRecord) -> list[list[Floats]]:
     """Outlines in the body frame, one list per row of `run.states`; agents without a recording are rectangles."""
     obstacles = run.scenario.obstacles
     shapes = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
@@ -55,7 +54,7 @@ def placed(points: Floats, x: float, y: float, orientation: float) -> Floats:
 class Footprints:
     """Where the participants of a run are in a picture."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: RunRecord) -> None:
         """Of a run."""
         self._states, self._bodies = run.states, body_outlines(run)
 

@@ -10,8 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.results import Run
-    from interdrive.run import States
+    from interdrive.run import RunRecord, States
 
     Floats = NDArray[np.float64]
     Bools = NDArray[np.bool_]
@@ -74,7 +73,7 @@ class View:
         return bool(low[0] <= x1 and high[0] >= x0 and low[1] <= y1 and high[1] >= y0)
 
 
-def view_of(run: Run) -> View:
+def view_of(run: RunRecord) -> View:
     """Where the agents move (all participants, if there are no agents), as small as possible.
 
     The picture is turned if that makes it much smaller or if it would stand upright; then most vehicles drive to

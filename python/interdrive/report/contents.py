@@ -29,7 +29,7 @@ from interdrive.report.tables import (
     pack_stop_lines,
     pack_views,
 )
-from interdrive.results import read_results, reopen, with_cooperation, with_routes
+from interdrive.results import read_part, read_results, with_cooperation, with_routes
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 from interdrive.scoring import score, score_table, stored_score
@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     from interdrive.criticality import Measure
     from interdrive.report import contract
     from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
-    from interdrive.results import Results, Run, RunInformation
+    from interdrive.results import Results, RunInformation
+    from interdrive.run import RunRecord
 
     Floats = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ def run_contents(folder: str | Path) -> Contents:
         InputError: if its scenario cannot be read.
     """
     results = read_results(folder, in_part=True)
-    run = reopen(folder, results)
+    run = read_part(folder, results)
     view = view_of(run)
     packer, lacking, origin = Packer(), _lacking(results), _origin(view)
     pack_states(packer, run, origin)
@@ -152,7 +153,9 @@ def _origin(view: View) -> Floats:
     return origin
 
 
-def _scores(folder: Path, run: Run, results: Results, lacking: list[Missing]) -> dict[int, tuple[float | None, str]]:
+def _scores(
+    folder: Path, run: RunRecord, results: Results, lacking: list[Missing]
+) -> dict[int, tuple[float | None, str]]:
     """Score of every agent and why it is not 1: as stored, or evaluated with the defaults."""
     try:
         found = stored_score(folder)
@@ -165,7 +168,7 @@ def _scores(folder: Path, run: Run, results: Results, lacking: list[Missing]) ->
 
 
 def _participants(
-    run: Run,
+    run: RunRecord,
     results: Results,
     origin: Floats,
     scores: Mapping[int, tuple[float | None, str]],
@@ -221,7 +224,7 @@ def _swung_out(off_lanelets: float) -> str:
     return f"up to {off_lanelets:.2f} m beyond the lanelets" if off_lanelets >= 0.01 else ""
 
 
-def _body(run: Run, row: int) -> list[Floats] | None:
+def _body(run: RunRecord, row: int) -> list[Floats] | None:
     """Outlines of a participant that is no plain rectangle about its centre; None for one that is."""
     obstacles = run.scenario.obstacles
     at = np.flatnonzero(obstacles.ids == run.states.participant_id[row])

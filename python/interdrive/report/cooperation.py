@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.report.packing import Packer
-    from interdrive.results import Run
-    from interdrive.run import Messages
+    from interdrive.run import Messages, RunRecord
 
     Floats = NDArray[np.float64]
     Ints = NDArray[np.int64]
@@ -25,7 +24,7 @@ _METRE, _RADIAN = 0.01, 0.001
 AGE_MAX = 255
 
 
-def pack_cooperation(packer: Packer, run: Run, origin: Floats, age_max: float) -> None:
+def pack_cooperation(packer: Packer, run: RunRecord, origin: Floats, age_max: float) -> None:
     """Links and bars, as far as they were recorded.
 
     Adds `link_rows`, shape (links, 2): rows of receiver and sender; `link_age` and `link_lost`, shape (links, steps);
@@ -53,7 +52,7 @@ def pack_cooperation(packer: Packer, run: Run, origin: Floats, age_max: float) -
         packer.add("bar_heading", found.bar_heading, unit=_RADIAN)
 
 
-def links(messages: Messages, run: Run, age_max: float) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+def links(messages: Messages, run: RunRecord, age_max: float) -> tuple[Ints, Ints, NDArray[np.bool_]]:
     """Plans that agents have received.
 
     Args:
@@ -91,7 +90,7 @@ def links(messages: Messages, run: Run, age_max: float) -> tuple[Ints, Ints, NDA
     return pairs, np.minimum(age, AGE_MAX), lost
 
 
-def _rows(run: Run, ids: Ints) -> Ints:
+def _rows(run: RunRecord, ids: Ints) -> Ints:
     """Rows of the states; -1 for no participant."""
     rows: Ints = np.where(ids >= 0, np.searchsorted(run.states.participant_id, ids), -1)
     return rows

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from interdrive.report.measured import Measured
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
 
 #: Moments at which a measure goes beyond this are events; of each agent the most critical one.
@@ -57,7 +57,7 @@ class Event:
 
 
 def events_of(
-    run: Run,
+    run: RunRecord,
     plans: ArrowTable,
     measured: Measured | None,
     replan_every: int,
@@ -74,11 +74,11 @@ def events_of(
     return sorted(every, key=lambda event: (event.step, event.rows, event.kind))
 
 
-def _row(run: Run, number: int) -> int:
+def _row(run: RunRecord, number: int) -> int:
     return int(np.searchsorted(run.states.participant_id, number))
 
 
-def _ends(run: Run) -> Iterator[Event]:
+def _ends(run: RunRecord) -> Iterator[Event]:
     ended = run.outcomes
     for index, number in enumerate(ended.agent_id.tolist()):
         outcome, partner = ended.outcome[index], int(ended.partner_id[index])
@@ -96,7 +96,7 @@ def _ends(run: Run) -> Iterator[Event]:
         yield Event(min(max(step, 0), run.states.n_steps - 1), outcome, rows, text)
 
 
-def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Event]:
+def _emergencies(run: RunRecord, plans: ArrowTable, replan_every: int) -> Iterator[Event]:
     """Plans that brake in emergency, or are none, where the plan that the agent made before was of another kind."""
     if not plans.num_rows:
         return
@@ -117,7 +117,7 @@ def _emergencies(run: Run, plans: ArrowTable, replan_every: int) -> Iterator[Eve
             yield Event(moment - run.states.first_time_step, kind, (_row(run, number),), text)
 
 
-def _violations(run: Run, table: ArrowTable) -> Iterator[Event]:
+def _violations(run: RunRecord, table: ArrowTable) -> Iterator[Event]:
     """Rules of the road that agents and replayed vehicles broke, when each violation begins."""
     for row in table.to_pylist():
         if row["source"] != "recording":
@@ -127,7 +127,7 @@ def _violations(run: Run, table: ArrowTable) -> Iterator[Event]:
             yield Event(row["first_time_step"] - run.states.first_time_step, "violation", rows, text)
 
 
-def _holds(run: Run) -> Iterator[Event]:
+def _holds(run: RunRecord) -> Iterator[Event]:
     """Agents that hold before road that others need as well, when they begin to."""
     found = run.agreements
     if found is None:
@@ -140,7 +140,7 @@ def _holds(run: Run) -> Iterator[Event]:
         yield Event(first - run.states.first_time_step, "hold", rows, f"{holding} {what} ({seconds:.1f} s)")
 
 
-def _critical(run: Run, measured: Measured) -> Iterator[Event]:
+def _critical(run: RunRecord, measured: Measured) -> Iterator[Event]:
     """The most critical moment of each agent and measure with a threshold, if it goes beyond it."""
     names = [measure.name for measure in MEASURES]
     for name, threshold in THRESHOLDS.items():

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
@@ -44,7 +44,7 @@ class Measured:
     extreme_partner: Ints
 
 
-def measured_of(folder: Path, run: Run) -> Measured | None:
+def measured_of(folder: Path, run: RunRecord) -> Measured | None:
     """From the run's own tables if it has them, evaluated with default settings otherwise; None without agents.
 
     Raises:
@@ -80,7 +80,7 @@ class _Entries:
     partner: Ints
 
 
-def _placed(run: Run, table: ArrowTable) -> _Entries:
+def _placed(run: RunRecord, table: ArrowTable) -> _Entries:
     """The rows that are about agents of the run."""
     column = columns_of(table, ("participant_id", "time_step", "measure", "value"))
     agents = run.outcomes.agent_id
@@ -94,7 +94,7 @@ def _placed(run: Run, table: ArrowTable) -> _Entries:
     )
 
 
-def rows_of(run: Run, ids: Ints) -> Ints:
+def rows_of(run: RunRecord, ids: Ints) -> Ints:
     """Rows of the states for participant ids; -1 for those that are none."""
     known = run.states.participant_id
     at = np.searchsorted(known, ids).clip(max=max(0, len(known) - 1))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import html
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from interdrive.storage import json_text
+from interdrive.errors import ResultsError
+from interdrive.storage import json_text, replacing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,6 +71,23 @@ def page(title: str, contents: Contents) -> str:
             "",
         )
     )
+
+
+def page_path(folder: str | Path, path: str | Path | None) -> Path:
+    """Where the page of a folder goes; anything that is no page must not be replaced by one."""
+    target = Path(folder) / "report.html" if path is None else Path(path)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ResultsError(f"{target}: a page needs a name that ends in .html or .htm")
+    if target.is_dir():
+        raise ResultsError(f"{target}: a folder with this name already exists")
+    return target
+
+
+def write_page(text: str, path: Path) -> Path:
+    """Writes a page, whole or not at all, and returns its path."""
+    with replacing(path) as partial:
+        partial.write_text(text, encoding="utf-8", errors="replace")  # names of files need not be text
+    return path
 
 
 def _head(title: str, style: str) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive.report.packing import Packer
-    from interdrive.results import Run
+    from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
 
     Floats = NDArray[np.float64]
@@ -29,7 +29,7 @@ _METRE, _RADIAN, _SPEED = 0.01, 0.001, 0.01
 _AROUND, _PLAN_SPACING = 150.0, 0.3
 
 
-def pack_states(packer: Packer, run: Run, origin: Floats) -> None:
+def pack_states(packer: Packer, run: RunRecord, origin: Floats) -> None:
     """Positions, headings, speeds and accelerations of all participants, shape (participants, time_steps)."""
     states = run.states
     packer.add("valid", states.valid)
@@ -50,7 +50,7 @@ def _unwrapped(orientation: Floats) -> Floats:
     return made
 
 
-def pack_road(packer: Packer, run: Run, origin: Floats) -> None:
+def pack_road(packer: Packer, run: RunRecord, origin: Floats) -> None:
     """Surfaces and lines near the traffic, in the world's frame."""
     states = run.states
     x, y = (table[states.valid] for table in (states.x, states.y))
@@ -66,7 +66,7 @@ def pack_road(packer: Packer, run: Run, origin: Floats) -> None:
         packer.add(f"{name}_xy", points.T, unit=_METRE, steps=True)
 
 
-def pack_stop_lines(packer: Packer, run: Run, origin: Floats) -> None:
+def pack_stop_lines(packer: Packer, run: RunRecord, origin: Floats) -> None:
     """Ends of stop lines, shape (pieces, 4), and what their lights show, shape (pieces, time_steps)."""
     scenario, states = run.scenario, run.states
     if not scenario.stop_lines:
@@ -76,7 +76,7 @@ def pack_stop_lines(packer: Packer, run: Run, origin: Floats) -> None:
     packer.add("stop_line_signal", shown)
 
 
-def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable, replan_every: int) -> None:
+def pack_plans(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable, replan_every: int) -> None:
     """Every plan, thinned, sorted by agent and time step; when it was made, if not always at that time step."""
     column = columns_of(table, ("time_step", "agent_id", "point", "cost", "x", "y", "velocity"))
     stride = max(1, round(_PLAN_SPACING / run.scenario.dt))
@@ -106,7 +106,7 @@ def pack_plans(packer: Packer, run: Run, origin: Floats, table: ArrowTable, repl
         packer.add(f"plan_{name}", values[order], unit=unit, steps=True)
 
 
-def pack_views(packer: Packer, run: Run, table: ArrowTable | None) -> None:
+def pack_views(packer: Packer, run: RunRecord, table: ArrowTable | None) -> None:
     """Visibility intervals per observer and participant."""
     if table is None:
         return
@@ -118,7 +118,7 @@ def pack_views(packer: Packer, run: Run, table: ArrowTable | None) -> None:
     packer.add("view_last", column["last_time_step"] - first)
 
 
-def pack_candidates(packer: Packer, run: Run, origin: Floats, table: ArrowTable | None) -> list[str]:
+def pack_candidates(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable | None) -> list[str]:
     """Kept candidates, sorted by agent and time step; returns why candidates were rejected, "" first."""
     if table is None or not table.num_rows:
         return []
@@ -143,7 +143,7 @@ def pack_candidates(packer: Packer, run: Run, origin: Floats, table: ArrowTable 
     return reasons
 
 
-def pack_predictions(packer: Packer, run: Run, origin: Floats, table: ArrowTable | None) -> None:
+def pack_predictions(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable | None) -> None:
     """Modes of all participants by the predictor, sorted by time step, participant and mode, as they are stored."""
     if table is None:
         return

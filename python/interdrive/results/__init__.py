@@ -10,8 +10,7 @@ from __future__ import annotations
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import RUN_FOLDER, Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, RunInformation, information, origin_of_run, software
-from interdrive.results.reader import with_cooperation, with_routes
-from interdrive.results.run import Run, RunInterrupted, load, recorded_run, reopen
+from interdrive.results.reader import read_part, read_run, with_cooperation, with_routes
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
@@ -28,21 +27,18 @@ __all__ = [
     "FORMAT",
     "RUN_FOLDER",
     "Results",
-    "Run",
     "RunInformation",
-    "RunInterrupted",
     "candidates_table",
     "check_target",
     "holds_run",
     "information",
-    "load",
     "origin_of_run",
     "outcome_table",
     "plans_table",
     "predictions_table",
+    "read_part",
     "read_results",
-    "recorded_run",
-    "reopen",
+    "read_run",
     "routes_table",
     "save",
     "software",

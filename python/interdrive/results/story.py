@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.criticality import measure_named
+from interdrive.criticality import evaluate, measure_named
 from interdrive.errors import InputError
 from interdrive.run.goals import said_time
 from interdrive.run.phases import emergency_steps, phases
@@ -15,15 +15,14 @@ from interdrive.run.rules import RULES
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
-    from interdrive.results.run import Run
-    from interdrive.run import AgentRecord
+    from interdrive.run import AgentRecord, RunRecord
     from interdrive.run.phases import Phase
 
 #: Measures whose most critical value a story tells.
 _MEASURES = ("ttc", "thw", "dce", "pet")
 
 
-def story(run: Run, agent_id: int, criticality: Criticality | None = None) -> list[str]:
+def story(run: RunRecord, agent_id: int, criticality: Criticality | None = None) -> list[str]:
     """The story of an agent, one line each.
 
     Args:
@@ -44,13 +43,13 @@ def story(run: Run, agent_id: int, criticality: Criticality | None = None) -> li
     if len(braking):
         first = said_time(run, int(braking[0]))
         lines.append(f"  no admissible sample at {said_count(len(braking), 'time step')}, the first at {first} s")
-    found = criticality or run.criticality([agent_id])
+    found = criticality or evaluate(run, [agent_id])
     trace = run.outcomes.traceback[int(np.searchsorted(run.outcomes.agent_id, agent_id))]
     more = [*_broken(run, agent_id), *_critical(run, agent_id, found), *trace.splitlines()]
     return [*lines, *(f"  {line}" for line in more)]
 
 
-def ending(run: Run, agent_id: int) -> str:
+def ending(run: RunRecord, agent_id: int) -> str:
     """How an agent ended, in one line, such as "agent 605: goal_missed at 10.1 s: in the goal area from ..."."""
     agent_named(run, agent_id)
     ended = run.outcomes
@@ -59,7 +58,7 @@ def ending(run: Run, agent_id: int) -> str:
     return text + (f": {ended.reason[place]}" if ended.reason[place] else "")
 
 
-def agent_named(run: Run, agent_id: int) -> AgentRecord:
+def agent_named(run: RunRecord, agent_id: int) -> AgentRecord:
     """The agent with an id.
 
     Raises:
@@ -73,7 +72,7 @@ def agent_named(run: Run, agent_id: int) -> AgentRecord:
     return found
 
 
-def _goal(run: Run, agent: AgentRecord) -> list[str]:
+def _goal(run: RunRecord, agent: AgentRecord) -> list[str]:
     origin = "a recorded vehicle" if agent.origin == "recorded" else f"a {agent.origin}"
     lines = [f"{origin}, planner {agent.planner}"]
     for goal in agent.goal:
@@ -87,7 +86,7 @@ def _goal(run: Run, agent: AgentRecord) -> list[str]:
     return lines
 
 
-def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
+def _phase(run: RunRecord, agent: AgentRecord, phase: Phase) -> str:
     """A phase in words: from when to when, what, behind which vehicle, how fast."""
     states, first = run.states, phase.first_time_step
     last = phase.last_time_step + 1  # until the state that its last plan led to
@@ -113,7 +112,7 @@ def _phase(run: Run, agent: AgentRecord, phase: Phase) -> str:
     return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}{because}"
 
 
-def _broken(run: Run, agent_id: int) -> list[str]:
+def _broken(run: RunRecord, agent_id: int) -> list[str]:
     """The rules of the road that an agent broke, each once, in the order of their first times."""
     broken = run.violations
     if broken is None:
@@ -141,7 +140,7 @@ def _broken(run: Run, agent_id: int) -> list[str]:
     return lines
 
 
-def _critical(run: Run, agent_id: int, found: Criticality) -> list[str]:
+def _critical(run: RunRecord, agent_id: int, found: Criticality) -> list[str]:
     """The most critical value of some measures, with time and partner."""
     lines = []
     row = found.row(agent_id)

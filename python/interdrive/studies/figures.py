@@ -15,7 +15,7 @@ from interdrive.studies.measures import collided, distance_of_closest_encounter,
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.studies.result import CaseStudy
 
 

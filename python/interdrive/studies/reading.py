@@ -12,7 +12,7 @@ from interdrive.studies.lateral import lateral_offsets
 from interdrive.studies.measures import collided, footprint_distances
 
 if TYPE_CHECKING:
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.studies.result import CaseStudy
 
 #: Sideways deviations below this are not worth a word [m].

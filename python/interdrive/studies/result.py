@@ -12,7 +12,7 @@ from interdrive.studies.measures import MEASURES, collided
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
 

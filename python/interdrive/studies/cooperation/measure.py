@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from interdrive.config.binding import Setting
     from interdrive.config.schema import SimulationSettings
-    from interdrive.results import Run
+    from interdrive.runs import Run
     from interdrive.storage import ArrowTable
     from interdrive.studies.cooperation.variants import Variant
 

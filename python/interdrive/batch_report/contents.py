@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.batch_report.comparison import compared_of
+from interdrive.batch_report.repeat import command
 from interdrive.batches.plan import ALONE
 from interdrive.batches.store import BatchFolder
 from interdrive.comparison import compare
 from interdrive.comparison.variants import ALL, arrays, categories_of, compared_sets, variants_of
 from interdrive.criticality import measure_named
 from interdrive.errors import ResultsError
-from interdrive.report.comparison import compared_of
 from interdrive.report.contents import Contents
 from interdrive.report.contract import FORMAT
 from interdrive.report.packing import Packer
-from interdrive.report.repeat import command
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

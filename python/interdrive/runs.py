@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from interdrive.files import commonroad_objects, run_document
-from interdrive.results import tables
-from interdrive.results.folder import save
-from interdrive.results.reader import read_part, read_run
+from interdrive.results import read_part, read_run, save, tables
 from interdrive.run import RunRecord
 from interdrive.run.assemble import recorded_traffic
 from interdrive.run.record import Tabular
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 
     from interdrive.criticality import Criticality, CriticalitySettings
     from interdrive.files import CommonRoadObjects
-    from interdrive.results.folder import Results
+    from interdrive.results import Results
     from interdrive.scenario import Scenario
 
 
