@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 
+__all__ = ["Run", "RunInterrupted", "RunPage", "load", "recorded_run", "reopen"]
+
 T = TypeVar("T")
 
 #: Parts of a run by name, and what makes their tables.

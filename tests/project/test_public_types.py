@@ -10,8 +10,8 @@ PUBLIC = (
     "interdrive", "interdrive.batch_report", "interdrive.batches", "interdrive.comparison", "interdrive.criticality",
     "interdrive.files",
     "interdrive.planners", "interdrive.plots", "interdrive.prediction_evaluation", "interdrive.predictors",
-    "interdrive.report", "interdrive.results", "interdrive.run", "interdrive.scenario", "interdrive.studies",
-    "interdrive.testing",
+    "interdrive.report", "interdrive.results", "interdrive.run", "interdrive.runs", "interdrive.scenario",
+    "interdrive.studies", "interdrive.testing",
 )  # fmt: skip
 #: They tell what anything given is.
 TELLING = {"native_planner", "native_predictor"}
