@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import spec_label
+from interdrive.config.specs import Resolved
 from interdrive.errors import InterdriveError, PredictorError
 from interdrive.prediction_evaluation.evaluation import chosen_predictors
 from interdrive.prediction_evaluation.recordings import CATEGORIES, Recording, category_of, found_files
@@ -75,7 +75,7 @@ class Refused:
     is_failure: bool
 
 
-def drive(path: Path, trained_on: bool, predictor: object, planner: str) -> list[Ended] | Refused:
+def drive(path: Path, trained_on: bool, predictor: Resolved, planner: str) -> list[Ended] | Refused:
     """Every agent of a scenario."""
     try:
         run = simulate(path, planner=planner, predictor=predictor, threads=1)
@@ -85,7 +85,7 @@ def drive(path: Path, trained_on: bool, predictor: object, planner: str) -> list
     agents = set(ended.agent_id.tolist())
     return [
         Ended(
-            spec_label(predictor),
+            predictor.label,
             category_of(path),
             path.name,
             trained_on,
@@ -213,7 +213,7 @@ def main() -> None:
         choices, notes = chosen_predictors(arguments.predictors.split(), settings, nowhere)
     except InterdriveError as error:
         sys.exit(f"error: {error}")
-    names = [spec_label(choice) for choice in choices]
+    names = [choice.label for choice in choices]
     rows: list[Ended] = []
     refused: dict[tuple[str, str], Refused] = {}
     with ProcessPoolExecutor(arguments.workers, mp_context=multiprocessing.get_context("spawn")) as pool:
@@ -221,11 +221,11 @@ def main() -> None:
             start = time.perf_counter()
             for path, found in drive_all(paths, split, choice, arguments.planner, pool):
                 if isinstance(found, Refused):
-                    refused[path.name, spec_label(choice)] = found
+                    refused[path.name, choice.label] = found
                 else:
                     rows += found
             write(rows, arguments.out, paths)
-            print(f"{spec_label(choice)}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
+            print(f"{choice.label}: {time.perf_counter() - start:.0f} s", file=sys.stderr)
     for table in (summary, kinds, pairs):
         print("\n".join(table(rows, names)), end="\n\n")
     print(f"Planner {arguments.planner}, all agents.")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
-from interdrive.config.specs import resolved_predictor
+from interdrive.config.specs import read_predictor
 from interdrive.files import read_scenario
 from interdrive.native_settings import CoreStepSettings, RoadSettings
 from interdrive.predictors import PredictorSettings, native_predictor
@@ -89,7 +89,7 @@ def rows_of(scenario: Scenario, interval: float = INTERVAL, only: NDArray[np.int
     core = core_scenario(scenario, road)
     world = _core.World(core, [], CoreStepSettings(), threads=1)
     settings = PredictorSettings()
-    rivals = {name: native_predictor(resolved_predictor(name, settings).make(), settings, core) for name in RIVALS}
+    rivals = {name: native_predictor(read_predictor(name, settings).make(), settings, core) for name in RIVALS}
     stride = max(1, round(interval / scenario.dt))
     parts = []
     for time_step in range(0, scenario.obstacles.n_steps - 1, stride):

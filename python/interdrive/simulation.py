@@ -13,7 +13,7 @@ from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored
 from interdrive.config.binding import flatten
 from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of
-from interdrive.config.specs import bound_predictor
+from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
 from interdrive.foreign import same_folder
@@ -98,11 +98,11 @@ class Simulation:
         self._raises = on_planner_error == "raise"
         if not 0 <= seed < 2**64:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
-        config = run_config(settings_of(settings), planner, predictor)
+        config = run_config(settings_of(settings), planner)
+        self._predictor_config = read_predictor(predictor, config.settings.predictor)
         self.scenario = open_scenario(scenario, raw=config.settings.recording.raw)
         self.seed = seed
         self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw))
-        self._predictor_config = config.predictor
         self._agents_wanted = normalized(agents)
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings)

@@ -260,6 +260,22 @@ def test_a_changed_planner_is_another_planner_also_in_the_same_session(tmp_path,
     assert changed.of_agents([1]).key != spec.of_agents([1]).key == again.of_agents([1]).key
 
 
+def test_the_policy_that_a_planner_drives_by_is_part_of_the_key(tmp_path):
+    keys = set()
+    for content in (b"first", b"second"):
+        (tmp_path / "policy").write_bytes(content)
+        keys.add(plan(planner=f"policy,file={tmp_path / 'policy'}").specs[0].key)
+    assert len(keys) == 2
+
+
+@pytest.mark.parametrize("planner", ["velocity_adjusting", "velocity_adjusting,time_gap=2.0"])
+def test_a_planner_with_settings_is_not_judged_for_agents_that_it_cannot_drive_either(planner, tmp_path):
+    """Agent 2001 of the T-junction was not recorded."""
+    rows = idr.batch("t_junction", tmp_path, planner=planner, workers=1).table.to_pylist()
+    assert {row["agent_planner"] for row in rows if row["under_test"]} == {"velocity_adjusting"}
+    assert [row["agent_id"] for row in rows if not row["under_test"]] == [2001]
+
+
 def test_the_version_of_a_library_that_a_planner_needs_is_part_of_the_key(monkeypatch):
     from interdrive.batches import plan as planning
 

@@ -229,7 +229,6 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         (["run", "bend.xml", "--agent", "5="], "--agent 5: planner '': the name is missing"),
         (["run", "bend.xml", "--agent", "5=frenet,level"], "--agent 5: planner 'frenet,level': level after a comma"),
         (["run", "bend.xml", "--agent", "5=frenet", "--agent", "5=frenet"], "--agent 5=frenet: agent 5 is named twice"),
-        (["run", "bend.xml", "--planner", "frenet,level"], "planner 'frenet,level': level after a comma"),
         (["run", "bend.xml", "--config", "by_agent.toml"], "by_agent.toml: agent.x: write a table per agent"),
         (["run", "bend.xml", "--out", "."], "this folder has other contents (bend.xml) and is not replaced"),
         (["run", "bend.xml", "--out", "bend.xml"], "a file with this name already exists"),

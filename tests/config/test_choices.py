@@ -16,6 +16,8 @@ from interdrive import ConstantVelocity, Frenet, InputError, Simulation, Simulat
 from interdrive.cli import main
 from interdrive.config.binding import bind
 from interdrive.config.plugins import Choice, read_choice
+from interdrive.config.specs import read_planner
+from interdrive.planners import PlannerSettings
 from interdrive.results import read_results
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -115,6 +117,7 @@ def test_a_malformed_choice_is_refused_in_one_line(text):
         {"planner": "frenet", "level": 1},
         {"planner": Frenet(level=1)},
         {"planner": Frenet(), "level": "1"},
+        read_planner("frenet,level=1", PlannerSettings()),
     ],
 )
 def test_every_spelling_drives_and_stores_the_same(given):
@@ -127,14 +130,22 @@ def test_every_spelling_drives_and_stores_the_same(given):
     assert reference["repeatable"]
 
 
-def test_settings_that_hold_for_all_stand_where_set_puts_them():
+def test_settings_of_a_choice_are_stored_with_it_and_a_view_for_all_where_set_puts_it():
     run = stored("frenet,level=1,view.sensor_radius=50", predictor="constant_velocity,position_sigma=0.3")
-    assert (run["planner"], run["predictor"], run["views"]) == ("frenet", "constant_velocity", {})
-    assert run["settings"]["planner.frenet.level"] == 1
-    assert run["settings"]["view.sensor_radius"] == 50.0
-    assert run["settings"]["predictor.constant_velocity.position_sigma"] == 0.3
-    assert stored(Frenet(level=1), predictor=ConstantVelocity(position_sigma=0.3))["settings"] == run["settings"] | {
-        "view.sensor_radius": 80.0
+    assert run["planner"] == {"planner": "frenet", "level": 1}
+    assert run["predictor"] == {"predictor": "constant_velocity", "position_sigma": 0.3}
+    assert run["settings"]["planner.frenet.level"] == Frenet().level
+    assert (run["settings"]["view.sensor_radius"], run["views"]) == (50.0, {})
+    given = stored(Frenet(level=1), predictor=ConstantVelocity(position_sigma=0.3))
+    assert given["settings"] == run["settings"] | {"view.sensor_radius": 80.0}
+    assert [given[what] for what in ("planner", "predictor")] == [run[what] for what in ("planner", "predictor")]
+
+
+def test_what_set_says_holds_for_planners_that_are_named_but_not_for_records():
+    settings = bind(SimulationSettings(), {"planner.frenet.level": 1})
+    assert stored({100: "frenet", 200: Frenet()}, settings=settings)["planner"] == {
+        "100": "frenet",
+        "200": {"planner": "frenet", "level": Frenet().level},
     }
 
 

@@ -109,6 +109,7 @@ def test_an_obstacle_with_one_state_stands_by_and_is_no_agent(here):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["--planner", "frenet,level"], "planner 'frenet,level': level after a comma"),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--planner", "nowhere:Planner"], "module nowhere cannot be imported"),
         (["--predictor", "constant_velocty"], "did you mean constant_velocity?"),

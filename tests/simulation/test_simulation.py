@@ -107,9 +107,9 @@ def test_every_agent_and_every_run_has_its_own_copy_of_a_planner():
     assert "planner_error" not in simulation.run().outcomes.outcome
 
 
-def test_a_record_as_planner_is_stored_as_settings():
+def test_a_record_as_planner_is_stored_with_its_settings():
     stored = simulate(two_lanes(), planner=Frenet(level=0), threads=1).settings
-    assert (stored["planner"], stored["settings"]["planner.frenet.level"]) == ("frenet", 0)
+    assert stored["planner"] == {"planner": "frenet", "level": 0}
     assert stored["repeatable"]
 
 

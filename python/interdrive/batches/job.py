@@ -183,7 +183,7 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
         return run, set(run.outcomes.agent_id.tolist()) - _unable(spec, run)
     ids, others = _ids(spec, scenario), []
     recorded = set(scenario.obstacles.ids.tolist())
-    follows = spec.planner_label in RECORDED_PATH
+    follows = spec.planner.planner.native in RECORDED_PATH
     if follows and ids and not recorded.intersection(ids):
         raise InputError(f"no agent under test has a recording for planner {spec.planner_label}")
     if spec.traffic != "recorded":
@@ -202,7 +202,7 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
 
 def _unable(spec: RunSpec, run: Run) -> set[int]:
     """Agents that another planner drives, because the planner under test follows recordings and they have none."""
-    if spec.planner_label not in RECORDED_PATH:
+    if spec.planner.planner.native not in RECORDED_PATH:
         return set()
     drivers = zip(run.outcomes.agent_id.tolist(), run.outcomes.planner, strict=True)
     return {number for number, name in drivers if name not in RECORDED_PATH}

@@ -16,7 +16,7 @@ from interdrive.config.agent_config import AgentConfig, run_config, stored
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import read_choice, versions
 from interdrive.config.schema import SimulationSettings
-from interdrive.config.specs import Resolved, spec_label
+from interdrive.config.specs import read_planner, read_predictor, spec_label
 from interdrive.errors import InputError
 from interdrive.files import content_of_input, scenario_file, scenario_parts, shipped_scenarios
 from interdrive.planners.workers import can_be_sent
@@ -26,7 +26,7 @@ from interdrive.storage.names import path_of, readable
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from interdrive.config.specs import PlannerSpec, PlannerSpecs, PredictorSpec, PredictorSpecs
+    from interdrive.config.specs import AgentChoice, PlannerSpecs, PredictorSpecs, Resolved
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
 FORMAT = 5
@@ -85,8 +85,8 @@ class RunSpec:
         key: Made of everything that decides about the result.
         path: Scenario file. scenario: Its name. category: Its folder. sha256: Of its content. size: [bytes].
         parts_sha256: Of files that belong to it; "" if there are none.
-        planner: Under test, as it can be chosen. planner_label: What tables call it.
-        predictor: As it can be chosen. predictor_label: What tables call it.
+        planner: Under test. planner_label: What tables call it.
+        predictor: Of all agents. predictor_label: What tables call it.
         agents: Agents under test: "all", a maximum number, or ids.
         traffic: One of `TRAFFIC`.
         seed: Chooses a number of agents.
@@ -102,9 +102,9 @@ class RunSpec:
     sha256: str
     parts_sha256: str
     size: int
-    planner: PlannerSpec
+    planner: AgentChoice
     planner_label: str
-    predictor: PredictorSpec
+    predictor: Resolved
     predictor_label: str
     agents: str | int | tuple[int, ...]
     traffic: str
@@ -165,7 +165,8 @@ def planned(
     """
     agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds)
     files, notes = scenario_files(paths)
-    planners, predictors = choices(planner, "planner"), choices(predictor, "predictor")
+    planners = {key: read_planner(one, settings.planner) for key, one in choices(planner, "planner").items()}
+    predictors = {key: read_predictor(one, settings.predictor) for key, one in choices(predictor, "predictor").items()}
     # What cannot be used is refused before anything is simulated.
     contents = {
         (planner_label, predictor_label): _plain(chosen, expected, settings)
@@ -349,16 +350,13 @@ def _keyed(spec: RunSpec) -> RunSpec:
     return replace(spec, key=hashlib.sha256(text.encode()).hexdigest()[:32])
 
 
-def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationSettings) -> dict[str, Any]:
+def _plain(planner: AgentChoice, expected: Resolved, settings: SimulationSettings) -> dict[str, Any]:
     """Planner, predictor and settings as plain values, with the content of the user's modules and of files they name.
 
     Raises:
         InputError: One that cannot be used, or that other processes would not find by its name.
     """
-    config = run_config(settings, planner, predictor)
-    own, chosen, expected = config.settings, config.planner, config.predictor
-    if not isinstance(chosen, Resolved):
-        raise InputError(f"planner {planner!r}: a batch has one planner for all agents under test")
+    own, chosen = run_config(settings, planner).settings, planner.planner
     chosen.check_found_elsewhere(own.planner)
     expected.check_found_elsewhere(own.predictor)
     found = stored({0: AgentConfig(chosen, own.view, own.rules)}, expected, own)
@@ -370,7 +368,7 @@ def _plain(planner: PlannerSpec, predictor: PredictorSpec, settings: SimulationS
         "settings": flatten(own),
         "modules": {name: _source(name) for name in sorted(modules)},
     }
-    given = [*flatten(own).values(), *chosen.settings.values(), *expected.settings.values()]
+    given = [*flatten(own).values(), *chosen.values.values(), *expected.values.values()]
     files = {value: _hash(path_of(value)) for value in given if _names_a_file(value)}
     if expected.name == "neural":
         files["neural"] = _hash(SHIPPED)

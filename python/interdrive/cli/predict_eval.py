@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 import click
 
 from interdrive.cli.arguments import assigned, claimed_folder, named_files, raw_option, shown
 from interdrive.config.binding import bind
-from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
 
 
@@ -100,19 +98,18 @@ def predict_eval(
 
 
 def named_predictors(text: str) -> list[str]:
-    """Predictors from "NAME[,SETTING=VALUE...],NAME...", each in the syntax of `plugins.read_choice`.
+    """Predictors from "NAME[,SETTING=VALUE...],NAME...", each as `simulate` takes it; "all" stands alone.
 
     Raises:
         InputError: The text does not have this syntax.
     """
-    found: list[str] = []
-    for part in re.split(r",(?![^\[]*\])", text):
-        if "=" not in part:
-            found.append(part.strip())
-        elif found and found[-1] != "all":
-            found[-1] += f",{part.strip()}"
-        else:
-            raise InputError(f"--predictors {text}: {part} belongs to no predictor; write NAME[,SETTING=VALUE...],NAME")
+    from interdrive.batches.plan import labels_of  # noqa: PLC0415 - numpy
+
+    found = labels_of([text], "predictor")
     for name in found:
-        read_choice(name, "predictor")
+        first, *rest = name.split(",")
+        if stray := [part for part in (first, *rest) if "=" in part and ("=" in first or first == "all")]:
+            raise InputError(
+                f"--predictors {text}: {stray[0]} belongs to no predictor; write NAME[,SETTING=VALUE...],NAME"
+            )
     return found

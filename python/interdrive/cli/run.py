@@ -14,7 +14,6 @@ from interdrive.cli.arguments import assigned, choices_by_agent, claimed_folder,
 from interdrive.cli.config import RunChoices, read_config
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
-from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError, InterdriveError
 
 if TYPE_CHECKING:
@@ -195,8 +194,6 @@ def _configured(
         settings = bind(settings, values)
     except InputError as error:
         raise error.within(str(config)) from None
-    for text, what in ((choices.planner, "planner"), (choices.predictor, "predictor")):
-        read_choice(text, what)  # refused before the scenario is read
     if choices.v2x is not None:
         values_given = {"v2x.penetration": str(choices.v2x), **values_given}
     return choices, own | choices_by_agent(by_agent), bind(settings, values_given)

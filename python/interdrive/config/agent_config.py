@@ -8,12 +8,20 @@ from __future__ import annotations
 import operator
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.plugins import Choice, read_choice
-from interdrive.config.specs import PlannerSpec, PredictorSpec, Resolved, resolved_planner, resolved_predictor
+from interdrive.config.plugins import read_choice
+from interdrive.config.specs import (
+    DEFAULT,
+    AgentChoice,
+    PlannerSpec,
+    PredictorSpec,
+    Resolved,
+    is_per_agent,
+    read_planner,
+)
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings, ViewSettings
 from interdrive.planners import RECORDED_PATH
@@ -27,8 +35,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Record = TypeVar("Record", ViewSettings, RulesSettings)
-
-_DEFAULT = "default"
 
 _ByAgent: TypeAlias = Mapping[int, T] | Mapping[str, T] | Mapping[int | str, T]
 
@@ -83,45 +89,45 @@ def core_agent(agent: Agent, config: AgentConfig, planner: _core.Planner | None)
 
 @dataclass(frozen=True)
 class RunConfig:
-    """Planners and predictor of a run, before its agents are known.
+    """What agents of a run have, read before they are known.
 
     Attributes:
-        settings: Settings of the run, including those of a native planner or predictor shared by all agents.
-        planner: Planner of all agents, or the user's mapping of planners.
-        predictor: Predictor of all agents.
+        settings: Settings of the run.
+        default: What agents without a choice of their own have.
+        own: Choices of single agents, by their ids as given.
     """
 
     settings: SimulationSettings
-    planner: Resolved | Mapping[Any, Any]
-    predictor: Resolved
+    default: AgentChoice
+    own: Mapping[object, AgentChoice]
 
 
-def run_config(settings: SimulationSettings, planner: PlannersSpec, predictor: PredictorSpec) -> RunConfig:
-    """Resolves the choices for all agents; their settings move to where `--set` puts them.
+def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig:
+    """Reads the planners of a run; view and rules chosen for all agents become settings of the run.
+
+    A choice for an agent takes nothing from "default" unless it names no planner: then the agent has the default
+    planner with the settings of its own choice on top.
 
     Raises:
-        InputError: A planner, predictor or setting does not exist or cannot be used.
+        InputError: A planner or setting does not exist or cannot be used.
     """
-    for_all: Resolved | Mapping[Any, Any]
-    if isinstance(planner, Mapping) and _is_per_agent(planner):
-        for_all = planner
+    own: dict[object, AgentChoice] = {}
+    if is_per_agent(planner):
+        default = read_planner(planner.get(DEFAULT, "frenet"), settings.planner)
+        for agent, spec in planner.items():
+            if agent == DEFAULT:
+                continue
+            try:
+                own[agent] = read_planner(spec, settings.planner, default)
+            except InputError as error:
+                raise error.within(f"agent {agent}") from error
     else:
-        choice, view, rules, equipped = _parts(read_choice(planner, "planner"))
-        if equipped is not None:
+        default = read_planner(cast("PlannerSpec", planner), settings.planner)
+        if default.v2x is not None:
             raise InputError("v2x", "is a choice of one agent; for all agents set v2x.penetration")
-        settings = replace(
-            settings, view=_record("view", settings.view, view), rules=_record("rules", settings.rules, rules)
-        )
-        for_all = resolved_planner(choice, settings.planner)
-        settings = replace(settings, planner=_with(settings.planner, for_all))
-    expected = resolved_predictor(predictor, settings.predictor)
-    return RunConfig(replace(settings, predictor=_with(settings.predictor, expected)), for_all, expected)
-
-
-def _with(settings: Any, resolved: Resolved) -> Any:  # noqa: ANN401 - PlannerSettings or PredictorSettings
-    """The settings with the record of a native planner or predictor."""
-    name = resolved.native
-    return replace(settings, **{name: resolved.source}) if name is not None and hasattr(settings, name) else settings
+        view, rules = _record("view", settings.view, default.view), _record("rules", settings.rules, default.rules)
+        settings, default = replace(settings, view=view, rules=rules), AgentChoice(default.planner)
+    return RunConfig(settings, default, own)
 
 
 def agent_configs(
@@ -134,12 +140,10 @@ def agent_configs(
 ) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
-    A choice for an agent takes nothing from "default" unless it names no planner: then the agent has the default
-    planner with the settings of its own choice on top. An agent without a recording is driven by `frenet` where the
-    planner of all agents replays recordings.
+    An agent without a recording is driven by `frenet` where the planner of all agents replays recordings.
 
     Args:
-        config: Planners and predictor of the run.
+        config: Planners of the run.
         views: Views by agent id.
         rules: Rules of the road by agent id, or of "default".
         v2x: Whether agents have V2X, by agent id, or of "default".
@@ -153,35 +157,20 @@ def agent_configs(
         InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
     """
     settings, looks, obeyed = config.settings, _by_id(views, agents, "a view"), _by_id(rules, agents, "rules")
-    equipped = _by_id(v2x, agents, "V2X")
-    wanted = {} if isinstance(config.planner, Resolved) else _by_id(config.planner, agents, "a planner")
-    default, default_view, default_rules, default_v2x = _parts(read_choice(wanted.get(_DEFAULT, "frenet"), "planner"))
-    for_default = (
-        config.planner if isinstance(config.planner, Resolved) else resolved_planner(default, settings.planner)
-    )
+    equipped, own = _by_id(v2x, agents, "V2X"), _by_id(config.own, agents, "a planner")
     found: dict[int, AgentConfig] = {}
     notes = []
     for agent in agents:
+        choice = own.get(agent.id, config.default)
+        if agent.id not in own and choice.planner.native in RECORDED_PATH and agent.id not in recorded:
+            notes.append(f"agent {agent.id} has no recording for planner {choice.planner.name}: frenet drives it")
+            choice = replace(choice, planner=read_planner("frenet", settings.planner).planner)
         try:
-            planner, own_view, own_rules, own_v2x = for_default, default_view, default_rules, default_v2x
-            if agent.id in wanted:
-                own = read_choice(wanted[agent.id], "planner")
-                is_default = own.chosen is None
-                own, own_view, own_rules, own_v2x = _parts(own)
-                if is_default:
-                    own = Choice(default.chosen, {**default.settings, **own.settings})
-                    own_view, own_rules = {**default_view, **own_view}, {**default_rules, **own_rules}
-                    own_v2x = default_v2x if own_v2x is None else own_v2x
-                planner = resolved_planner(own, settings.planner)
-            elif planner.native in RECORDED_PATH and agent.id not in recorded:
-                notes.append(f"agent {agent.id} has no recording for planner {planner.name}: frenet drives it")
-                planner = resolved_planner("frenet", settings.planner)
-            view = _record("view", settings.view, looks.get(agent.id, looks.get(_DEFAULT, {})))
-            kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(_DEFAULT, {})))
-            has_v2x = equipped.get(agent.id, equipped.get(_DEFAULT)) if own_v2x is None else own_v2x
-            found[agent.id] = AgentConfig(
-                planner, _record("view", view, own_view), _record("rules", kept, own_rules), _truth(has_v2x)
-            )
+            view = _record("view", settings.view, looks.get(agent.id, looks.get(DEFAULT, {})))
+            kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(DEFAULT, {})))
+            has_v2x = equipped.get(agent.id, equipped.get(DEFAULT)) if choice.v2x is None else choice.v2x
+            view, kept = _record("view", view, choice.view), _record("rules", kept, choice.rules)
+            found[agent.id] = AgentConfig(choice.planner, view, kept, _truth(has_v2x))
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
@@ -209,26 +198,20 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
 
 def modules_named(planner: PlannersSpec, predictor: PredictorSpec) -> tuple[str, ...]:
     """The specifications that name code as `module:object`; resolving them imports and runs it."""
-    several = isinstance(planner, Mapping) and _is_per_agent(planner)
-    choices = list(planner.values()) if several and isinstance(planner, Mapping) else [planner]
+    choices: list[object] = list(planner.values()) if is_per_agent(planner) else [planner]
     read = [*(read_choice(choice, "planner") for choice in choices), read_choice(predictor, "predictor")]
     return tuple(sorted({str(one.chosen) for one in read if isinstance(one.chosen, str) and ":" in one.chosen}))
 
 
-def _is_per_agent(planner: Mapping[Any, Any]) -> bool:
-    """Whether this is a mapping from agents to choices, rather than a choice that is a mapping."""
-    return all(not isinstance(key, str) or key == _DEFAULT or key.lstrip("-").isdigit() for key in planner)
-
-
-def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, object]:
+def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, Any]:
     """The mapping with the agents' own ids as keys; the id of a planning problem stands for that of its agent."""
     if not isinstance(given, Mapping):
         raise InputError(f"{what} per agent must be a mapping from agent ids, not {given!r}")
     own = {name: agent.id for agent in agents for name in agent.names} | {agent.id: agent.id for agent in agents}
-    found: dict[object, object] = {}
+    found: dict[object, Any] = {}
     for key, value in given.items():
         try:
-            agent = key if key == _DEFAULT else own.get(int(key) if isinstance(key, str) else operator.index(key))
+            agent = key if key == DEFAULT else own.get(int(key) if isinstance(key, str) else operator.index(key))
         except (TypeError, ValueError):
             raise InputError(f"{what} is given for {key!r}, which is not an agent id") from None
         if agent is None:
@@ -242,19 +225,6 @@ def _by_id(given: object, agents: Sequence[Agent], what: str) -> dict[object, ob
             raise InputError(f"agent {agent}", f"{what} is given for it twice")
         found[agent] = value
     return found
-
-
-def _parts(choice: Choice) -> tuple[Choice, dict[str, object], dict[str, object], object]:
-    """The choice alone (`frenet` if it names no planner), settings of its view, its rules, and whether it has V2X."""
-    settings = choice.settings
-    view, rules = (
-        {name.removeprefix(prefix): value for name, value in settings.items() if name.startswith(prefix)}
-        for prefix in ("view.", "rules.")
-    )
-    own = {
-        name: value for name, value in settings.items() if not name.startswith(("view.", "rules.")) and name != "v2x"
-    }
-    return Choice("frenet" if choice.chosen is None else choice.chosen, own), view, rules, settings.get("v2x")
 
 
 def _truth(given: object) -> bool | None:

@@ -1,11 +1,11 @@
-"""Specifications of planners and predictors, each resolved once into one typed value."""
+"""Specifications of planners and predictors, each read once into a record that is passed on."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import Choice, find, made, read_choice
@@ -26,18 +26,6 @@ if TYPE_CHECKING:
 NativePlanner: TypeAlias = Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil
 NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 
-#: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
-#: table `{"planner": "frenet", "level": 1}`; a record such as `Frenet(level=1)`; an object with `plan`, of which each
-#: agent gets a copy; a class or a function without arguments that makes one.
-PlannerSpec: TypeAlias = str | Mapping[str, Setting] | NativePlanner | Planner | Callable[[], Planner] | Choice
-
-#: Planners or predictors of a batch: one text may name several, separated by commas; a mapping gives them labels.
-PlannerSpecs: TypeAlias = "PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec]"
-PredictorSpecs: TypeAlias = "PredictorSpec | Sequence[PredictorSpec] | Mapping[str, PredictorSpec]"
-
-#: A predictor, written like a planner: `interdrive predictors` lists the names, and objects have `predict`.
-PredictorSpec: TypeAlias = str | Mapping[str, Setting] | NativePredictor | Predictor | Callable[[], Predictor] | Choice
-
 
 @dataclass(frozen=True)
 class _Kind:
@@ -56,7 +44,12 @@ class _Kind:
 
 _PLANNER = _Kind("planner", "plan(view, predictions)", Planner, PLANNERS, PLANNER_RECORDS)
 _PREDICTOR = _Kind("predictor", "predict(scene)", Predictor, PREDICTORS, PREDICTOR_RECORDS)
-_KINDS = {kind.what: kind for kind in (_PLANNER, _PREDICTOR)}
+
+#: In choices by agent, the key of all others.
+DEFAULT = "default"
+
+#: What else an agent is told with its planner.
+_BESIDES = ("view.", "rules.")
 
 
 @dataclass(frozen=True)
@@ -64,24 +57,26 @@ class Resolved:
     """A planner or predictor that was found, with valid settings; every agent and every run has its own object.
 
     Attributes:
+        kind: Whether it is a planner or a predictor.
         source: The record of a native plug-in; otherwise a name, class, factory or object.
         settings: Settings of the source by dotted names, as values of its types; native records hold theirs.
-        what: "planner" or "predictor".
+        label: Name and settings as they were given, for tables.
     """
 
+    kind: _Kind
     source: object
     settings: Mapping[str, Any] = field(default_factory=dict)
-    what: str = "planner"
-
-    @property
-    def kind(self) -> _Kind:
-        """What planners and predictors differ in."""
-        return _KINDS[self.what]
+    label: str = field(default="", compare=False)
 
     @property
     def native(self) -> str | None:
         """The name of a native plug-in; None for others."""
         return self.kind.native_name(self.source)
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """All settings that it has, as plain values by dotted names."""
+        return self.settings if self.native is None else flatten(cast("Any", self.source))
 
     @property
     def name(self) -> str:
@@ -97,10 +92,10 @@ class Resolved:
         if self.native is not None:
             return self.source
         kind, source = self.kind, self.source
-        found = find(source, tuple(kind.natives), self.what) if isinstance(source, str) else source
-        found = made(found, kind.method.partition("(")[0], f"{self.what} {self.name}", self.settings)
+        found = find(source, tuple(kind.natives), kind.what) if isinstance(source, str) else source
+        found = made(found, kind.method.partition("(")[0], f"{kind.what} {self.name}", self.settings)
         if kind.native_name(found) is None and not isinstance(found, kind.contract):
-            raise InputError(f"{found!r} is not a {self.what}: it has no method {kind.method}")
+            raise InputError(f"{found!r} is not a {kind.what}: it has no method {kind.method}")
         return found
 
     def plain(self, usual: PlannerSettings | PredictorSettings) -> tuple[Any, bool]:
@@ -112,18 +107,18 @@ class Resolved:
         source, values, known = self.source, dict(self.settings), True
         if self.native is not None:
             base = flatten(_usual(self.native, self.kind, usual))
-            values = {name: value for name, value in flatten(cast("Any", source)).items() if value != base[name]}
+            values = {name: value for name, value in self.values.items() if value != base[name]}
         elif not isinstance(source, str):
-            kind = source if isinstance(source, type) or hasattr(source, "__qualname__") else type(source)
-            known = self._is_found(kind)
-            if kind is not source:
-                known = known and is_dataclass(kind)
-                values = {**(flatten(cast("Any", source)) if is_dataclass(kind) else {}), **values}
+            owner = source if isinstance(source, type) or hasattr(source, "__qualname__") else type(source)
+            known = self._is_found(owner)
+            if owner is not source:
+                known = known and is_dataclass(owner)
+                values = {**(flatten(cast("Any", source)) if is_dataclass(owner) else {}), **values}
         try:
             json.dumps(values)
         except (TypeError, ValueError):
             values, known = {}, False
-        return ({self.what: self.name, **values} if values else self.name), known
+        return ({self.kind.what: self.name, **values} if values else self.name), known
 
     def check_found_elsewhere(self, usual: PlannerSettings | PredictorSettings) -> None:
         """Whether other processes can make an equal object from its name and settings.
@@ -141,36 +136,93 @@ class Resolved:
         if module == "__main__" or "<" in name:
             own = name.rpartition(".")[2] if "<lambda>" not in name else "CLASS"
             where = "it is defined in a " + ("notebook or script" if module == "__main__" else "function")
-            what_to_do = f"save it in a file mine.py, write {self.what} mine:{own}"
+            what_to_do = f"save it in a file mine.py, write {self.kind.what} mine:{own}"
             why = f"{where}, where other processes do not find it; {what_to_do}"
-        raise InputError(f"{self.what} {self.name}", why)
+        raise InputError(f"{self.kind.what} {self.name}", why)
 
     def _is_found(self, kind: object) -> bool:
         """Whether another process can find the object by its name."""
         if self.name.startswith("__main__:") or "<" in self.name:
             return False
         try:
-            return find(self.name, (), self.what) is kind
+            return find(self.name, (), self.kind.what) is kind
         except InterdriveError:
             return False
 
 
-def resolved_planner(spec: PlannerSpec | Resolved, usual: PlannerSettings) -> Resolved:
-    """Resolves the specification of a planner.
+@dataclass(frozen=True)
+class AgentChoice:
+    """What is chosen for an agent together with its planner.
+
+    Attributes:
+        planner: The planner.
+        view: Settings of its view that differ from those of the run, by name.
+        rules: Settings of the rules of the road that it obeys, likewise.
+        v2x: Whether it has V2X, as given; None: as others have.
+    """
+
+    planner: Resolved
+    view: Mapping[str, object] = field(default_factory=dict)
+    rules: Mapping[str, object] = field(default_factory=dict)
+    v2x: object = None
+
+
+#: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
+#: table `{"planner": "frenet", "level": 1}`; a record such as `Frenet(level=1)`; an object with `plan`, of which each
+#: agent gets a copy; a class or a function without arguments that makes one; or any of them as it was read.
+PlannerSpec: TypeAlias = (
+    str | Mapping[str, Setting] | NativePlanner | Planner | Callable[[], Planner] | Choice | AgentChoice
+)
+
+#: A predictor, written like a planner: `interdrive predictors` lists the names, and objects have `predict`.
+PredictorSpec: TypeAlias = (
+    str | Mapping[str, Setting] | NativePredictor | Predictor | Callable[[], Predictor] | Choice | Resolved
+)
+
+#: Planners or predictors of a batch: one text may name several, separated by commas; a mapping gives them labels.
+PlannerSpecs: TypeAlias = PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec]
+PredictorSpecs: TypeAlias = PredictorSpec | Sequence[PredictorSpec] | Mapping[str, PredictorSpec]
+
+
+def is_per_agent(planner: object) -> TypeGuard[Mapping[Any, PlannerSpec]]:
+    """Whether this is a mapping from agents to choices, rather than a choice, which may be a mapping."""
+    return isinstance(planner, Mapping) and all(
+        not isinstance(key, str) or key == DEFAULT or key.lstrip("-").isdigit() for key in planner
+    )
+
+
+def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice | None = None) -> AgentChoice:
+    """Reads the choice of a planner and of what an agent has besides (`view.*`, `rules.*`, `v2x`).
 
     Args:
         spec: The specification.
         usual: Settings of native planners where the specification states none.
+        default: To which a choice that names no planner adds its settings; None: `frenet`.
 
     Raises:
         InputError: The name or setting is unknown (the message names the nearest valid one), a value does not fit, or
             the choice is not a planner.
     """
-    return _resolved(spec, usual, _PLANNER)
+    if isinstance(spec, AgentChoice):
+        return spec
+    if is_per_agent(spec):
+        raise InputError(f"planner {spec!r}", "one planner is wanted here, not one per agent")
+    choice = read_choice(spec, "planner")
+    given, v2x = choice.settings, choice.settings.get("v2x")
+    view, rules = (
+        {name.removeprefix(group): value for name, value in given.items() if name.startswith(group)}
+        for group in _BESIDES
+    )
+    own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name != "v2x"}
+    if choice.chosen is not None:
+        return AgentChoice(_resolved(Choice(choice.chosen, own), usual, _PLANNER), view, rules, v2x)
+    base = default or AgentChoice(_resolved("frenet", usual, _PLANNER))
+    planner = _resolved(Choice(base.planner, own), usual, _PLANNER)
+    return AgentChoice(planner, {**base.view, **view}, {**base.rules, **rules}, base.v2x if v2x is None else v2x)
 
 
-def resolved_predictor(spec: PredictorSpec | Resolved, usual: PredictorSettings) -> Resolved:
-    """Resolves the specification of a predictor, as `resolved_planner` does."""
+def read_predictor(spec: PredictorSpec, usual: PredictorSettings) -> Resolved:
+    """Reads the choice of a predictor, as `read_planner` does."""
     return _resolved(spec, usual, _PREDICTOR)
 
 
@@ -184,25 +236,28 @@ def _resolved(spec: object, usual: PlannerSettings | PredictorSettings, kind: _K
         return spec
     choice = read_choice(spec, kind.what)
     source: Any = choice.chosen
+    settings = choice.settings
+    if isinstance(source, Resolved):
+        source, settings = source.source, {**source.settings, **settings}
     if isinstance(source, str) and source in kind.natives:
         source = _usual(source, kind, usual)
     name = kind.native_name(source)
     if name is not None:
         try:
             # Records made in Python do not check types themselves.
-            return Resolved(bind(source, {**flatten(source), **choice.settings}), what=kind.what)
+            return Resolved(kind, bind(source, {**flatten(source), **settings}), {}, spec_label(choice))
         except InputError as error:
             raise error.within(f"{kind.what} {name}") from None
-    found = Resolved(source, choice.settings, kind.what)
+    found = Resolved(kind, source, settings, spec_label(choice))
     one: Any = found.make()
-    values = flatten(one) if choice.settings else {}
-    return replace(found, settings={name: values[name] for name in choice.settings})
+    values = flatten(one) if settings else {}
+    return replace(found, settings={name: values[name] for name in settings})
 
 
 def spec_name(spec: object) -> str:
     """Name of a planner or predictor without its settings."""
-    if isinstance(spec, Choice | Resolved):
-        return spec_name(spec.chosen if isinstance(spec, Choice) else spec.source)
+    if isinstance(spec, Resolved):
+        return spec.name
     if isinstance(spec, str):
         return spec
     native = _PLANNER.native_name(spec) or _PREDICTOR.native_name(spec)
@@ -214,12 +269,10 @@ def spec_name(spec: object) -> str:
 
 def spec_label(choice: Choice) -> str:
     """Name of a planner or predictor with its chosen settings, for tables."""
-    return ",".join([spec_name(choice), *(f"{name}={value}" for name, value in choice.settings.items())])
+    return ",".join([spec_name(choice.chosen), *(f"{name}={value}" for name, value in choice.settings.items())])
 
 
-def bound_predictor(
-    spec: PredictorSpec | Resolved, usual: PredictorSettings, recorded: _core.Scenario
-) -> BoundPredictor:
+def bound_predictor(spec: PredictorSpec, usual: PredictorSettings, recorded: _core.Scenario) -> BoundPredictor:
     """Makes a separate predictor for one world.
 
     Args:
@@ -230,6 +283,6 @@ def bound_predictor(
     Raises:
         InputError: The name or setting is unknown, or the choice is not a predictor.
     """
-    label = spec.name if isinstance(spec, Resolved) else spec_label(read_choice(spec, "predictor"))
-    predictor = _resolved(spec, usual, _PREDICTOR).make()
-    return BoundPredictor(label, predictor, native_predictor(predictor, usual, recorded))
+    found = read_predictor(spec, usual)
+    predictor = found.make()
+    return BoundPredictor(found.label, predictor, native_predictor(predictor, usual, recorded))

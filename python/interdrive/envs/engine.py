@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 
 from interdrive import _core
-from interdrive.config.specs import resolved_predictor
+from interdrive.config.specs import read_predictor
 from interdrive.envs.actions import action_kind
 from interdrive.envs.history import Episode, History
 from interdrive.envs.sampling import Sampler, Uniform
@@ -166,7 +166,7 @@ class Engine:
         checked_count("slots", self.slots)
         if sampler is not None and not isinstance(sampler, Sampler):
             raise InputError("sampler", f"{type(sampler).__name__} has no begin, draw and ended")
-        predictor = resolved_predictor(setup.predictor, simulation.predictor)
+        predictor = read_predictor(setup.predictor, simulation.predictor)
         native = native_predictor(predictor.make(), simulation.predictor, self.stages[0].recorded)
         if native is None or predictor.native == "ground_truth":
             raise InputError("predictor", f"{predictor.name} cannot be used here; use a native one")

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
 from interdrive.config.agent_config import agent_configs, core_agent, run_config
-from interdrive.config.specs import resolved_predictor
 from interdrive.envs.actions import FrenetWeights
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
@@ -23,7 +22,7 @@ from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
-    from interdrive.config.agent_config import AgentConfig, PlannersSpec
+    from interdrive.config.agent_config import AgentConfig, PlannersSpec, RunConfig
     from interdrive.envs.settings import EnvSettings, Setup
     from interdrive.scenario.agents import Agent
 
@@ -80,7 +79,8 @@ def stages_of(setup: Setup) -> list[Stage]:
     wanted = setup.learners
     if not isinstance(wanted, str | int) and len(scenarios) != 1:
         raise InputError("learners", f"ids need exactly one scenario, {len(scenarios)} given")
-    found = [_stage(scenario, setup) for scenario in scenarios]
+    config = _config(setup)
+    found = [_stage(scenario, setup, config) for scenario in scenarios]
     if not isinstance(wanted, str | int):
         return [_with_ids(found[0], list(wanted))]
     least = wanted if isinstance(wanted, int) else 1
@@ -179,7 +179,7 @@ def _belongs(path: Path, settings: EnvSettings) -> bool:
     return (number < settings.test_share * 2**64) == (settings.part == "test")
 
 
-def _stage(scenario: Scenario, setup: Setup) -> Stage:
+def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     simulation = setup.settings.simulation
     steps = (setup.settings.decision_seconds or scenario.dt) / scenario.dt
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
@@ -201,16 +201,15 @@ def _stage(scenario: Scenario, setup: Setup) -> Stage:
         )
     except InputError:
         agents = []
-    configs = _configs(scenario, setup, agents)
+    configs = _configs(scenario, config, agents)
     handles, planners = [], []
     for agent in agents:
-        config = configs[agent.id]
-        record = config.planner.make()
-        native = native_planner(record)
+        own = configs[agent.id]
+        native = native_planner(own.planner.make())
         if native is None:
-            raise InputError("traffic", f"{config.planner.name} is not a native planner")
-        planners.append(None if config.planner.native == "recorded" else native)
-        handles.append(core_agent(agent, config, None))
+            raise InputError("traffic", f"{own.planner.name} is not a native planner")
+        planners.append(None if own.planner.native == "recorded" else native)
+        handles.append(core_agent(agent, own, None))
     actions = setup.actions
     learning = native_planner(actions.planner) if isinstance(actions, FrenetWeights) else None
     core = _core.Stage(recorded, handles, planners, learning)
@@ -218,14 +217,18 @@ def _stage(scenario: Scenario, setup: Setup) -> Stage:
     return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)
 
 
-def _configs(scenario: Scenario, setup: Setup, agents: list[Agent]) -> dict[int, AgentConfig]:
+def _config(setup: Setup) -> RunConfig:
     given: Any = setup.traffic
     is_by_id = isinstance(given, Mapping) and "planner" not in given
     traffic: PlannersSpec = {"default": "recorded", **given} if is_by_id else given
-    # Refused here, or it would be called traffic below.
-    resolved_predictor(setup.predictor, setup.settings.simulation.predictor)
     try:
-        config = run_config(setup.settings.simulation, traffic, setup.predictor)
+        return run_config(setup.settings.simulation, traffic)
+    except InputError as error:
+        raise error.within("traffic") from None
+
+
+def _configs(scenario: Scenario, config: RunConfig, agents: list[Agent]) -> dict[int, AgentConfig]:
+    try:
         chosen = agent_configs(config, {}, {}, {}, agents, {agent.id for agent in agents})[0]
         driven = agent_configs(config, {}, {}, {}, agents, set(scenario.obstacles.ids.tolist()))[0]
         # What has no recording to replay is there only if it learns.

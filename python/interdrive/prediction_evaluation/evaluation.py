@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from interdrive.config.binding import flatten
-from interdrive.config.plugins import Choice, read_choice
 from interdrive.config.schema import SimulationSettings, settings_of
-from interdrive.config.specs import bound_predictor, resolved_predictor, spec_label
+from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS
@@ -25,17 +24,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from interdrive.config.schema import SettingsSpec
-    from interdrive.config.specs import PredictorSpec
+    from interdrive.config.specs import PredictorSpec, Resolved
     from interdrive.prediction_evaluation.split import Split
 
-#: Predictors that "all" leaves out: no planner in a car could have them.
-_FOR_STUDIES = ("ground_truth",)
+#: What "all" stands for; no planner in a car could have the others.
+_ALL = (*(name for name in NATIVE if name != "ground_truth"), "walenet")
 
 
 def chosen_predictors(
     predictors: PredictorSpec | Sequence[PredictorSpec], settings: SimulationSettings, recording: Recording
-) -> tuple[list[Choice], list[str]]:
-    """Predictors by choice; "all" are the native ones and `walenet`, if they can be used here, without `ground_truth`.
+) -> tuple[list[Resolved], list[str]]:
+    """Predictors that were chosen; "all" are the native ones without `ground_truth`, and `walenet` if it can be used.
 
     Args:
         predictors: "all", a choice, or a list of choices, among which "all" stands for the others.
@@ -43,28 +42,26 @@ def chosen_predictors(
         recording: Where they are tried.
 
     Returns:
-        Choices whose names differ, and lines about those of "all" that cannot be used.
+        Predictors whose labels differ, and lines about those of "all" that cannot be used.
 
     Raises:
         InputError: A predictor cannot be used, or is given twice.
     """
     notes: list[str] = []
-    choices: list[Choice] = []
+    choices: list[Resolved] = []
     for one in predictors if isinstance(predictors, list | tuple) else [predictors]:
-        if one != "all":
-            choices.append(read_choice(one, "predictor"))
-            bound_predictor(choices[-1], settings.predictor, recording.core_scenario)
-            continue
-        for name in (*NATIVE, "walenet"):
-            if name in _FOR_STUDIES or name in map(spec_label, choices):
-                continue
+        for spec in _ALL if one == "all" else (cast("PredictorSpec", one),):
             try:
-                bound_predictor(name, settings.predictor, recording.core_scenario)
+                found = read_predictor(spec, settings.predictor)
+                bound_predictor(found, settings.predictor, recording.core_scenario)
             except InterdriveError as error:
-                notes.append(f"{name} is left out: {error}")
+                if one != "all":
+                    raise
+                notes.append(f"{spec} is left out: {error}")
             else:
-                choices.append(Choice(name))
-    names = [spec_label(choice) for choice in choices]
+                if one != "all" or found.label not in (choice.label for choice in choices):
+                    choices.append(found)
+    names = [choice.label for choice in choices]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"predictor {name} is given twice")
@@ -121,7 +118,7 @@ def evaluate_predictors(
     choices, notes = chosen_predictors(predictors, simulation, probe)
     if workers > 1:
         for choice in choices:
-            resolved_predictor(choice, simulation.predictor).check_found_elsewhere(simulation.predictor)
+            choice.check_found_elsewhere(simulation.predictor)
     gathered = Gathered()
     paths = found_files([files] if isinstance(files, str | Path) else files)
     labels = {path: (category_of(path), UNKNOWN) for path, _ in paths}
@@ -142,7 +139,7 @@ def evaluate_predictors(
     timings = measured_timings(choices, simulation, on_step) if with_timing else ()
     return PredictionEvaluation(
         tuple(gathered.files),
-        tuple(spec_label(choice) for choice in choices),
+        tuple(choice.label for choice in choices),
         gathered.samples(),
         timings,
         tuple(notes),

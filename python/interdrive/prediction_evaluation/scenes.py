@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from interdrive.config.specs import bound_predictor, spec_label
+from interdrive.config.specs import bound_predictor
 from interdrive.files import read_scenario
 from interdrive.plots.road import map_axes
 from interdrive.plots.style import (
@@ -87,7 +87,7 @@ def example_scenes(found: PredictionEvaluation) -> Iterator[ExampleScene]:
         predicted = {}
         for choice in found.choices:
             predictor = bound_predictor(choice, found.simulation.predictor, recording.core_scenario)
-            predicted[spec_label(choice)] = answered(predictor, recording, moment)
+            predicted[choice.label] = answered(predictor, recording, moment)
         there = (samples.file == file) & (samples.time_step == time_step) & _is_telling(samples)
         wanted = set(samples.participant_id[there].tolist())
         numbers = moment.scene.ids[moment.row].tolist()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from interdrive.config.plugins import Choice
+    from interdrive.config.specs import Resolved
     from interdrive.prediction_evaluation.samples import Samples
     from interdrive.prediction_evaluation.timing import Timing
     from interdrive.run import Json
@@ -159,7 +159,7 @@ class PredictionEvaluation:
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Json] = field(default_factory=dict)
-    choices: tuple[Choice, ...] = ()
+    choices: tuple[Resolved, ...] = ()
     simulation: SimulationSettings = field(default_factory=SimulationSettings)
 
     def __repr__(self) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.config.specs import bound_predictor, spec_label
+from interdrive.config.specs import bound_predictor
 from interdrive.files import read_scenario, shipped_scenario
 from interdrive.prediction_evaluation.measures import HORIZONS
 from interdrive.prediction_evaluation.recordings import JUDGED_KINDS, Recording
@@ -17,8 +17,8 @@ from interdrive.scenario import Lanelets, Scenario
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
+    from interdrive.config.specs import Resolved
 
 #: Numbers of vehicles.
 VEHICLES = (1, 25, 50, 200)
@@ -99,7 +99,7 @@ def _side_by_side(one: Lanelets, copies: int, step: int) -> Lanelets:
 
 
 def measured_timings(
-    choices: Sequence[Choice],
+    choices: Sequence[Resolved],
     settings: SimulationSettings,
     on_step: Callable[[str, int, int], None] | None = None,
 ) -> tuple[Timing, ...]:
@@ -114,7 +114,7 @@ def measured_timings(
         n_steps = round(HORIZONS[-1] / recording.scenario.dt)
         for choice in choices:
             if on_step is not None:
-                on_step(f"timing {spec_label(choice)}", place, len(VEHICLES))
+                on_step(f"timing {choice.label}", place, len(VEHICLES))
             predictor = bound_predictor(choice, settings.predictor, recording.core_scenario)
             recording.at(0)
             seconds: list[float] = []
@@ -124,6 +124,6 @@ def measured_timings(
                 start = time.perf_counter()
                 predictor.predict(recording.world, scene, n_steps)
                 seconds.append(time.perf_counter() - start)
-            found.append(Timing(spec_label(choice), n, 1000.0 * float(np.median(seconds)), len(seconds)))
-    order = {spec_label(choice): place for place, choice in enumerate(choices)}
+            found.append(Timing(choice.label, n, 1000.0 * float(np.median(seconds)), len(seconds)))
+    order = {choice.label: place for place, choice in enumerate(choices)}
     return tuple(sorted(found, key=lambda timing: (order[timing.predictor], timing.vehicles)))

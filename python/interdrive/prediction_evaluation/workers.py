@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
+    from interdrive.config.specs import Resolved
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class FileTask:
 
     path: Path
     is_needed: bool
-    choices: tuple[Choice, ...]
+    choices: tuple[Resolved, ...]
     simulation: SimulationSettings
     every: int
 

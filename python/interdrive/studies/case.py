@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.config.schema import settings_of
+from interdrive.config.specs import read_planner, read_predictor
 from interdrive.errors import InputError
 from interdrive.simulation import Simulation
 from interdrive.studies.result import CaseStudy
@@ -53,12 +55,12 @@ def case_study(
         raise InputError(f"agent {agent} and the other vehicle must be two vehicles")
 
     def prepared(agents: list[int], planners: PlannersSpec) -> Simulation:
-        return Simulation(
-            source, agents=agents, planner=planners, predictor=predictor, settings=settings, threads=threads
-        )
+        return Simulation(source, agents=agents, planner=planners, predictor=expected, settings=chosen, threads=threads)
 
+    chosen = settings_of(settings)
+    driver, expected = read_planner(planner, chosen.planner), read_predictor(predictor, chosen.predictor)
     source: ScenarioSpec = scenario
-    alone = prepared([agent], planner)
+    alone = prepared([agent], driver)
     source = alone.scenario
     # A planning problem that starts where a recorded vehicle is has become that vehicle.
     agent = alone.agents[0].id
@@ -69,10 +71,11 @@ def case_study(
     if other not in recorded:
         known = ", ".join(str(number) for number in recorded[recorded != agent][:20].tolist()) or "none"
         raise InputError(f"other vehicle {other}: it has no recording; vehicles with one: {known}")
+    by_agent: dict[int, PlannerSpec] = {agent: driver, other: "velocity_adjusting"}
     simulations = {
         "deterministic": alone,
-        "semi_deterministic": prepared([agent, other], {agent: planner, other: "velocity_adjusting"}),
-        "interactive": prepared([agent, other], planner),
+        "semi_deterministic": prepared([agent, other], by_agent),
+        "interactive": prepared([agent, other], driver),
     }
     runs = {degree: simulation.run(on_step) for degree, simulation in simulations.items()}
     row = int(np.searchsorted(runs["interactive"].outcomes.agent_id, agent))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.config.binding import bind, flatten
+from interdrive.config.specs import read_planner, read_predictor
 from interdrive.criticality import evaluate
 from interdrive.files import open_scenario
 from interdrive.run import PLAN_STATUS
@@ -112,6 +113,7 @@ def cooperation_study(
         InputError: A file or setting cannot be used.
     """
     planned = [(variant, seed) for variant in variants for seed in range(seeds if variant.is_drawn else 1)]
+    driver, expected = read_planner(planner, settings.planner), read_predictor(predictor, settings.predictor)
     rows: list[dict[str, Any]] = []
     inputs: dict[str, str] = {}
     for file in files:
@@ -121,8 +123,8 @@ def cooperation_study(
             values: dict[str, Setting] = {**variant.settings, "record.violations": False}
             run = simulate(
                 scenario,
-                planner=planner,
-                predictor=predictor,
+                planner=driver,
+                predictor=expected,
                 settings=bind(settings, values),
                 seed=seed,
                 threads=threads,

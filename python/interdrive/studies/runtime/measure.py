@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.config.schema import settings_of
+from interdrive.config.specs import read_planner
 from interdrive.errors import InputError
 from interdrive.files import read_scenario
 from interdrive.run import PHASES
@@ -21,8 +22,8 @@ from interdrive.studies.runtime.cases import RuntimeCase
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from interdrive.config.schema import SettingsSpec
-    from interdrive.config.specs import PlannerSpec
+    from interdrive.config.schema import SettingsSpec, SimulationSettings
+    from interdrive.config.specs import AgentChoice, PlannerSpec
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
 
@@ -109,15 +110,17 @@ def runtime_study(
     counts = sorted({1, several})
     columns: dict[str, list[Any]] = {column.name: [] for column in STEP_COLUMNS}
     # What cannot be driven is refused before anything is.
+    own = settings_of(settings)
+    driver = read_planner(planner, own.planner)
     jobs = []
     for case in cases:
-        scenario = read_scenario(case.path, raw=settings_of(settings).recording.raw)
-        jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, planner, settings)]
+        scenario = read_scenario(case.path, raw=own.recording.raw)
+        jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, driver, own)]
     total = len(jobs) * repetitions * len(counts)
     done = 0
     for case, scenario, wanted in jobs:
         simulations = [
-            Simulation(scenario, agents=wanted, planner=planner, predictor=case.predictor, settings=settings, threads=n)
+            Simulation(scenario, agents=wanted, planner=driver, predictor=case.predictor, settings=own, threads=n)
             for n in counts
         ]
         for repetition in range(repetitions):
@@ -136,14 +139,14 @@ def runtime_study(
             "steps": steps,
             "repetitions": repetitions,
             "planner": str(planner),
-            **changed_settings(settings_of(settings)),
+            **changed_settings(own),
         },
         notes=notes,
         inputs={scenario.name: scenario.sha256 for _, scenario, _ in jobs},
     )
 
 
-def _numbers(case: RuntimeCase, scenario: Scenario, planner: PlannerSpec, settings: SettingsSpec | None) -> list[int]:
+def _numbers(case: RuntimeCase, scenario: Scenario, planner: AgentChoice, settings: SimulationSettings) -> list[int]:
     """The numbers of agents that the scenario has, ascending."""
     wanted = [n for n in case.counts if n is not None]
     most = len(Simulation(scenario, planner=planner, predictor=case.predictor, settings=settings, threads=1).agents)
