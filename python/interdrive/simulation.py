@@ -253,7 +253,7 @@ class Simulation:
             told = {i: predictions.known(i) for i in away}
             wanted = {
                 i: Wanted(
-                    (view.ego.s, view.ego.stop_s, view.ego.stop_release, view.ego.stop_by),
+                    view.ego._progress,
                     told[i],
                     predictions.seen_by(view) if told[i] else None,
                 )

@@ -18,6 +18,7 @@ pub mod recording;
 pub mod collision;
 pub mod criticality;
 pub mod scene;
+pub mod barrier;
 pub mod rules;
 pub mod network;
 pub mod predict;

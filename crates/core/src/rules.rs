@@ -27,6 +27,7 @@ pub(crate) use windows::{EARLY, LATE, travel_time};
 
 use std::sync::LazyLock;
 
+use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::control::{Control, Signal};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -42,8 +43,6 @@ const LINE_MARGIN: f64 = 1.0;
 pub const LIGHT_DECELERATION: f64 = 3.0;
 /// A vehicle stands before a line if it is slower than this [m/s].
 const STANDING: f64 = 0.1;
-/// An agent need not know yet of a stop that takes less than this deceleration [m/s²], if there is one before it.
-const EASY: f64 = 1.0;
 /// An agent that has turned right on red goes last until its front is so far behind the line [m].
 const BEHIND_LINE: f64 = 15.0;
 /// A stop counts at most so far before the line [m].
@@ -257,32 +256,10 @@ pub struct Rules<'a> {
     pub served: Option<usize>,
     /// The line that it was too near to stop at when its light changed.
     pub passing: Option<usize>,
-    /// How far its front may go before a crosswalk that is in use [m]; infinite without one.
-    pub crosswalk: f64,
-    /// It has to wait before a junction.
-    pub hold: Option<Hold>,
-}
-
-/// An agent waits before a junction.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Hold {
-    /// How far its front may go [m] ...
-    pub distance: f64,
-    /// ... before this time has passed [s]; infinite: until it is told otherwise.
-    pub release: f64,
-    /// Because of this participant.
-    pub by: Option<i64>,
-}
-
-impl Hold {
-    /// A stop at a distance behind it [m] is the harder one at a speed [m/s], of an agent that is told only one of both.
-    pub fn is_easier_than(&self, stop: f64, velocity: f64) -> bool {
-        let braking = |distance: f64| 0.5 * velocity * velocity / distance.max(1e-3);
-        // It arrives when it may go, or stands until then.
-        let arriving = 2.0 * (velocity * self.release - self.distance) / (self.release * self.release).max(1e-6);
-        let waiting = braking(self.distance).min(arriving.max(0.0));
-        self.release.is_finite() && braking(stop) > waiting.max(EASY)
-    }
+    /// Arc length of its front on its reference path [m].
+    pub front: f64,
+    /// What it was told there: crosswalks in use, orders at junctions, agreements.
+    pub told: Barriers,
 }
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
@@ -325,22 +302,28 @@ impl Default for Rules<'_> {
             dt: 0.1,
             served: None,
             passing: None,
-            crosswalk: f64::INFINITY,
-            hold: None,
+            front: 0.0,
+            told: Barriers::NONE,
         }
     }
 }
 
 impl Rules<'_> {
-    /// Arc length of a way that the front of the agent must not pass now [m]: that of the nearest stop line or crosswalk
-    /// that holds it; infinite without one. `front` is the arc length of its front [m].
+    /// The barriers of a way for an agent with its front at an arc length of it [m]: the nearest stop sign and the
+    /// nearest light that hold the agent, and what it was told, as far ahead as on its reference path.
     ///
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
     /// `LIGHT_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
     /// long as it still cannot stop.
-    pub fn stop(&self, way: &Way, front: f64, velocity: f64) -> f64 {
-        let holding = way.crossings.iter().find(|crossing| crossing.s > front && self.holds(crossing, front, velocity));
-        holding.map_or(f64::INFINITY, |crossing| crossing.s).min(front + self.crosswalk)
+    pub fn barriers(&self, way: &Way, front: f64, velocity: f64) -> Barriers {
+        let mut found = Barriers::NONE;
+        let mut ahead = way.crossings.iter().filter(|crossing| crossing.s > front);
+        let sign = ahead.clone().find(|crossing| self.is_held_by_sign(crossing, front, velocity));
+        found.extend(sign.map(|crossing| Barrier::lasting(crossing.s, BarrierReason::Line)));
+        let light = ahead.find(|crossing| self.is_held_by_light(crossing, front, velocity));
+        found.extend(light.map(|crossing| Barrier::lasting(crossing.s, BarrierReason::Light)));
+        found.extend(self.told.iter().map(|told| Barrier { s: front + (told.s - self.front), ..*told }));
+        found
     }
 
     /// An agent with its front at an arc length [m] is about to turn right on red, or has just passed the line: it goes last.
@@ -360,29 +343,40 @@ impl Rules<'_> {
     }
 
     fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
-        let (settings, distance) = (self.settings, crossing.s - front);
-        let since_entry = (self.time_step - self.entered).max(0);
-        let could_stop = |steps: i64| {
-            let before = distance + velocity * steps as f64 * self.dt;
-            velocity * velocity <= 2.0 * LIGHT_DECELERATION * before
-        };
-        let line = &self.control.lines[crossing.line];
-        if settings.stop_signs && line.has_stop_sign && self.served != Some(crossing.line) && could_stop(since_entry) {
-            return true;
-        }
-        if !settings.lights || crossing.lights.is_empty() || self.may_pass(crossing, 0) {
+        self.is_held_by_sign(crossing, front, velocity) || self.is_held_by_light(crossing, front, velocity)
+    }
+
+    /// So many time steps ago the agent could have stopped before a line, at its present speed.
+    fn could_stop(&self, crossing: &Crossing, front: f64, velocity: f64, steps: i64) -> bool {
+        let before = crossing.s - front + velocity * steps as f64 * self.dt;
+        velocity * velocity <= 2.0 * LIGHT_DECELERATION * before
+    }
+
+    fn since_entry(&self) -> i64 {
+        (self.time_step - self.entered).max(0)
+    }
+
+    fn is_held_by_sign(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
+        self.settings.stop_signs
+            && self.control.lines[crossing.line].has_stop_sign
+            && self.served != Some(crossing.line)
+            && self.could_stop(crossing, front, velocity, self.since_entry())
+    }
+
+    fn is_held_by_light(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
+        if !self.settings.lights || crossing.lights.is_empty() || self.may_pass(crossing, 0) {
             return false;
         }
         if self.served == Some(crossing.line) && self.is_turn_on_red(crossing) {
             return false;
         }
+        let could_stop = |steps: i64| self.could_stop(crossing, front, velocity, steps);
         if self.passing == Some(crossing.line) && !could_stop(0) {
             return false;
         }
         // Either it could have stopped when the light changed, or it is found too near for that.
-        let since_change =
-            (1..=since_entry).take_while(|steps| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1)).count();
-        could_stop(since_change as i64)
+        let is_new = |steps: &i64| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1);
+        could_stop((1..=self.since_entry()).take_while(is_new).count() as i64)
     }
 }
 

@@ -83,6 +83,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::PyScene>()?;
     module.add_class::<view::PyView>()?;
     module.add_class::<view::PyEgo>()?;
+    module.add_class::<view::PyBarriers>()?;
     module.add_class::<world::PyAgent>()?;
     module.add_class::<predictor::PyPredictor>()?;
     module.add_class::<predictions::PyPredictions>()?;

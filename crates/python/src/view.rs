@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use interdrive_core::barrier::{Barrier, BarrierReason, Barriers};
 use interdrive_core::collision::swept_boxes;
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::OrientedBox;
@@ -13,6 +14,7 @@ use interdrive_core::trajectory::State;
 use interdrive_core::world::{Agent, Progress};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, exception};
@@ -267,10 +269,64 @@ impl PyPredictions {
     }
 }
 
+/// `s`, `front`, and s, until, reason and by of each barrier.
+pub type ProgressParts = (f64, f64, Vec<(f64, f64, u8, Option<i64>)>);
+
+/// From what `Ego` hands over to other processes.
+pub fn progress((s, front, parts): ProgressParts) -> PyResult<Progress> {
+    let mut barriers = Barriers::NONE;
+    for (s, until, reason, by) in parts {
+        let reason = *BarrierReason::ALL
+            .get(usize::from(reason))
+            .ok_or_else(|| InputError::new_err(format!("unknown reason of a barrier: {reason}")))?;
+        barriers.push(Barrier { s, until, reason, by });
+    }
+    Ok(Progress { s, front, barriers })
+}
+
+/// What the front of an agent must not pass now, the nearest first; one entry per barrier.
+#[pyclass(frozen, name = "Barriers", module = "interdrive._core")]
+pub struct PyBarriers(Vec<Barrier>);
+
+#[pymethods]
+impl PyBarriers {
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let each = |one: &Barrier| format!("{} at {:.2} m for {:.1} s", one.reason.name(), one.s, one.until);
+        format!("<Barriers: {}>", self.0.iter().map(each).collect::<Vec<_>>().join(", "))
+    }
+}
+
+getters! { PyBarriers {
+    /// Arc lengths on the reference path that the front must not pass [m], shape (barriers,), ascending.
+    s: Row<'py, f64> = |this, py| arrays::row(py, this.0.iter().map(|one| one.s).collect());
+    /// Until when [s from now], shape (barriers,); infinite: until the agent is told otherwise.
+    until: Row<'py, f64> = |this, py| arrays::row(py, this.0.iter().map(|one| one.until).collect());
+    /// Why, one word per barrier: "line" (stop sign), "light", "yield", "queue", "exit", "crosswalk", "unseen" or
+    /// "agreement".
+    reason: Bound<'py, PyTuple> = |this, py| {
+        PyTuple::new(py, this.0.iter().map(|one| one.reason.name())).expect("names are strings")
+    };
+    /// The participants to which the agent gives way, shape (barriers,); -1 for none.
+    by_id: Row<'py, i64> = |this, py| arrays::row(py, this.0.iter().map(|one| one.by.unwrap_or(-1)).collect());
+} }
+
 /// The agent itself within its view.
 #[pyclass(frozen, name = "Ego", module = "interdrive._core")]
 pub struct PyEgo {
     pub view: Py<PyView>,
+}
+
+impl PyEgo {
+    /// The barrier that it has to heed first.
+    fn hardest(&self) -> Option<Barrier> {
+        let view = self.view.get();
+        let Progress { front, barriers, .. } = view.progress;
+        barriers.hardest(front, view.state.velocity.max(0.0)).copied()
+    }
 }
 
 #[pymethods]
@@ -312,13 +368,24 @@ getters! { PyEgo {
     };
     /// Arc length of the rear axle on the reference path [m].
     s: f64 = |this| this.view.get().progress.s;
-    /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign, others
-    /// at a junction or an agreement by V2X; infinite without one.
-    stop_s: f64 = |this| this.view.get().progress.stop_s;
-    /// For how long it must not [s]; infinite: until it is told otherwise.
-    stop_release: f64 = |this| this.view.get().progress.stop_release;
-    /// The participant to which it gives way there.
-    stop_by: Option<i64> = |this| this.view.get().progress.stop_by;
+    /// Arc length on the reference path of the barrier to heed first [m]: the nearest, unless another one takes a harder
+    /// deceleration; infinite without any.
+    stop_s: f64 = |this| this.hardest().map_or(f64::INFINITY, |one| one.s);
+    /// Until when it holds [s from now]; infinite: until the agent is told otherwise.
+    stop_release: f64 = |this| this.hardest().map_or(f64::INFINITY, |one| one.until);
+    /// The participant to which the agent gives way there.
+    stop_by: Option<i64> = |this| this.hardest().and_then(|one| one.by);
+    /// All that the front must not pass now, the nearest first.
+    barriers: PyBarriers = |this| {
+        let mut all = this.view.get().progress.barriers.to_vec();
+        all.sort_by(|a, b| a.s.total_cmp(&b.s));
+        PyBarriers(all)
+    };
+    /// Where it is and what it must not pass, as `World.view` in another process takes it.
+    _progress: ProgressParts = |this| {
+        let Progress { s, front, barriers } = this.view.get().progress;
+        (s, front, barriers.iter().map(|one| (one.s, one.until, one.reason as u8, one.by)).collect())
+    };
     /// Speed limit at every point of the reference path [m/s]; infinite where there is none.
     speed_limit: Row<'py, f64> = |this, py| arrays::row(py, this.view.get().speed_limit.clone());
     /// First and last time step at which the goal can be reached in time; the largest integer where there is no last one.

@@ -11,7 +11,7 @@ use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, PlanStatus, Plans, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, Progress, World, WorldSettings};
+use interdrive_core::world::{Agent, World, WorldSettings};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -27,7 +27,7 @@ use crate::scenario::{PyScenario, PyShape};
 use crate::scene::{PyScene, Told, turn_of};
 use crate::settings::read;
 use crate::vehicle::PyVehicle;
-use crate::view::{KnownBody, PyView};
+use crate::view::{KnownBody, ProgressParts, PyView, progress};
 
 /// Time step, rows present and the turns that they show, first time step and number of columns of the past, its six fields
 /// row-major, its mask.
@@ -188,22 +188,21 @@ impl PyWorld {
         Ok(PyScene { scene, road: Arc::clone(&self.0.scenario().road) })
     }
 
-    /// What an agent sees. `told` are the arc length of its rear axle on its reference path and the one that its front
-    /// must not pass [m], for how long [s] and because of whom; the world knows them, other processes must be told. `known` is what `Predictions.known` says;
-    /// without it the view has what the agent's sensors see.
+    /// What an agent sees. `told` is `Ego._progress` of this view in the process that simulates: the world there knows
+    /// it. `known` is what `Predictions.known` says; without it the view has what the agent's sensors see.
     #[pyo3(signature = (scene, id, told=None, known=None))]
     fn view(
         &self,
         scene: &PyScene,
         id: i64,
-        told: Option<(f64, f64, f64, Option<i64>)>,
+        told: Option<ProgressParts>,
         known: Option<Vec<KnownParts>>,
     ) -> PyResult<PyView> {
         let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
         let visible = self.0.visible(id, &scene.scene).map_err(exception)?;
         let row = self.0.participants().ids.binary_search(&id).expect("agents are participants");
         let progress = match told {
-            Some((s, stop_s, stop_release, stop_by)) => Progress { s, stop_s, stop_release, stop_by },
+            Some(told) => progress(told)?,
             None => self.0.progress(id).map_err(exception)?,
         };
         Ok(PyView {

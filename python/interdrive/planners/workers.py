@@ -49,12 +49,12 @@ class Wanted:
     """What one agent needs besides the scene.
 
     Attributes:
-        progress: `s`, `stop_s`, `stop_release` and `stop_by` of its `Ego`.
+        progress: Where it is and what it must not pass: `_progress` of its `Ego`.
         known: What it knows, for an agent with V2X.
         predictions: Predictions for those, for an agent with V2X.
     """
 
-    progress: tuple[float, float, float, int | None]
+    progress: tuple[float, float, list[tuple[float, float, int, int | None]]]
     known: list[tuple[Any, ...]] | None = None
     predictions: _core.Predictions | None = None
 

@@ -12,6 +12,7 @@ pub(super) use path_interval::Ego;
 
 use super::car_following::{CarFollowing, PathMotion};
 use super::{Other, PlanRequest};
+use crate::barrier::Barriers;
 use crate::geometry::{Point, wrap_angle};
 use path_interval::{
     OUTSIDE, PathInterval, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
@@ -60,20 +61,17 @@ pub(super) struct Conflicts {
     occupancies: Vec<PathOccupancy>,
     n_points: usize,
     dt: f64,
-    /// Arc length that the front must not pass [m].
-    stop: f64,
-    /// The same for a time [s].
-    hold: (f64, f64),
+    barriers: Barriers,
 }
 
 impl Conflicts {
-    /// Projects all participants of the request onto the path, beside the arc lengths [m] that the front must not pass, the
-    /// second one for a time [s]. Claims that begin later do not count until `decide`.
-    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, stops: (f64, (f64, f64))) {
+    /// Projects all participants of the request onto the path, beside its barriers. Claims that begin later do not count
+    /// until `decide`.
+    pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, barriers: Barriers) {
         self.intervals.clear();
         self.occupancies.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
-        (self.stop, self.hold) = stops;
+        self.barriers = barriers;
         let region = Region::new(ego);
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
@@ -219,18 +217,19 @@ impl Conflicts {
         }
     }
 
-    /// Smallest acceleration that the occupancies allow at a point of the plan [m/s²]; infinite without any.
+    /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²]; infinite without any.
     pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
-        if self.stop.is_finite() {
-            least = following(law, velocity, self.stop - LINE_GAP - front + law.minimum_gap, 0.0);
-        }
-        let (stop, release) = self.hold;
-        let left = release - point as f64 * self.dt;
-        if stop.is_finite() && left > 0.0 {
-            let waits = following(law, velocity, stop - LINE_GAP - front + law.minimum_gap, 0.0);
-            least = least.min(waits.max(not_before(stop - LINE_GAP - front, velocity, 0.0, left)));
+        for barrier in self.barriers.iter() {
+            let left = barrier.until - point as f64 * self.dt;
+            if left <= 0.0 {
+                continue;
+            }
+            let room = barrier.s - LINE_GAP - front;
+            let waits = following(law, velocity, room + law.minimum_gap, 0.0);
+            let arrives = if left.is_finite() { not_before(room, velocity, 0.0, left) } else { f64::NEG_INFINITY };
+            least = least.min(waits.max(arrives));
         }
         for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
             let interval = |at: usize| &self.intervals[occupancy.row + at];

@@ -51,7 +51,7 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
     let way = request.rules.way;
-    conflicts.collect(request, &ego, n_points, (request.stop(way, start.s), request.hold(start.s)));
+    conflicts.collect(request, &ego, n_points, request.barriers(way, start.s));
     let cornering = request.vehicle.cornering(settings.lateral_acceleration);
     speed_profile.fill(path, &way.limits, (start.s, ego.reach), cornering, law.deceleration);
     let wish = settings.goal_velocity(request, &start);

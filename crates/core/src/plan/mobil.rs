@@ -99,7 +99,7 @@ pub(super) fn plan(
     let law = &settings.idm.law;
     let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
-    conflicts.collect(request, &ego, n_points, (request.stop(&lane.way, start.s), request.hold(start.s)));
+    conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, &lane.way.limits, (start.s, ego.reach), cornering, law.deceleration);
     let need = lane.need(start.s);

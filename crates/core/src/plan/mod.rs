@@ -27,6 +27,7 @@ pub use mobil::IdmMobilSettings;
 pub use prediction_index::PredictionIndex;
 pub use velocity_adjusting::VelocityAdjustingSettings;
 
+use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
@@ -60,7 +61,7 @@ pub enum Planner {
 }
 
 impl Planner {
-    /// It stops where [`Rules::hold`] says.
+    /// It stops before what [`Rules::told`] names.
     pub fn knows_holds(&self) -> bool {
         matches!(self, Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
     }
@@ -150,16 +151,13 @@ impl Default for LaneChange {
 }
 
 impl PlanRequest<'_> {
-    /// Arc length of a way that the front must not pass now [m], infinite without one, if the rear axle is at `s`.
-    fn stop(&self, way: &Way, s: f64) -> f64 {
+    /// All barriers of a way, if the rear axle is at an arc length [m].
+    fn barriers(&self, way: &Way, s: f64) -> Barriers {
         let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
-        self.rules.stop(way, front, self.state.velocity.max(0.0))
-    }
-
-    /// Arc length that the front must not pass before a junction [m], and until when [s]; infinite, 0 without one.
-    fn hold(&self, s: f64) -> (f64, f64) {
-        let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
-        self.rules.hold.map_or((f64::INFINITY, 0.0), |hold| (front + hold.distance, hold.release))
+        let mut found = self.rules.barriers(way, front, self.state.velocity.max(0.0));
+        let end = self.lane_change.end;
+        found.extend(end.is_finite().then(|| Barrier::lasting(end, BarrierReason::LaneEnd)));
+        found
     }
 }
 

@@ -6,6 +6,7 @@ use super::frame::Start;
 use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
+use crate::barrier::Barriers;
 use crate::rules::SpeedLimits;
 use crate::settings::settings;
 
@@ -94,7 +95,7 @@ pub(super) fn plan(
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
-    conflicts.collect(request, &ego, n_points, (f64::INFINITY, (f64::INFINITY, 0.0)));
+    conflicts.collect(request, &ego, n_points, Barriers::NONE);
     speed_profile.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
     let clock = recorded_path.clock(request.time_step);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {

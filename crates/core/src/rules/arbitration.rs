@@ -6,6 +6,7 @@
 //! What all of this looks at is in `meeting`, when a vehicle is where in `windows`, what fits between bookings in `gaps`,
 //! how circles of waits are broken in `circles`.
 
+use crate::barrier::Barrier;
 use std::collections::BTreeMap;
 
 use super::claims::{Answer, Bookings, Claim};
@@ -137,9 +138,7 @@ impl Meeting<'_> {
                 orders[place] = Some(Order {
                     id: body.id,
                     kind: OrderKind::Go,
-                    stop: f64::INFINITY,
-                    release: 0.0,
-                    by: None,
+                    barrier: None,
                     memory: Memory { granted: true, ..memory },
                 });
             }
@@ -309,20 +308,25 @@ impl Meeting<'_> {
         let answer = claim.answer.expect("every claim has been tested");
         let gate = if claim.is_granted() { self.gate(claims, index, booked) } else { None };
         let first = claim.windows.first().map_or(0.0, |window| window.enter);
-        let (kind, stop, release, by) = match (answer, gate) {
-            (Answer::GO, None) => (OrderKind::Go, f64::INFINITY, 0.0, None),
-            (Answer::GO, Some((release, by))) => (OrderKind::Follow, claim.passage.mouth, release, Some(by)),
+        let mouth = claim.passage.mouth;
+        let (kind, barrier) = match (answer, gate) {
+            (Answer::GO, None) => (OrderKind::Go, None),
+            (Answer::GO, Some((until, by))) => (OrderKind::Follow, Some((mouth, until, Some(by)))),
             (Answer { kind: OrderKind::Unseen, .. }, _) => {
-                (OrderKind::Unseen, claim.passage.mouth + PEEK, f64::INFINITY, None)
+                (OrderKind::Unseen, Some((mouth + PEEK, f64::INFINITY, None)))
             }
-            (Answer { kind, by, delay }, _) => (kind, claim.passage.mouth, first + delay, by),
+            (Answer { kind, by, delay }, _) => (kind, Some((mouth, first + delay, by))),
+        };
+        let of = |(s, until, by): (f64, f64, Option<usize>)| Barrier {
+            s,
+            until,
+            reason: kind.reason(),
+            by: by.map(|body| self.bodies[body].id),
         };
         Order {
             id: self.bodies[claim.body].id,
             kind,
-            stop,
-            release,
-            by: by.map(|body| self.bodies[body].id),
+            barrier: barrier.map(of),
             memory: Memory {
                 ticket: claim.ticket,
                 granted: claim.is_granted(),

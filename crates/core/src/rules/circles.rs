@@ -26,7 +26,7 @@ impl Meeting<'_> {
         let edges: Vec<Vec<usize>> = stuck
             .iter()
             .map(|&index| {
-                let by = order_of(orders, index).and_then(|place| orders[place].by).and_then(node);
+                let by = order_of(orders, index).and_then(|place| orders[place].barrier?.by).and_then(node);
                 let leader = self.leader(index, queues).and_then(|body| node(self.bodies[body].id));
                 by.into_iter().chain(leader).collect()
             })

@@ -2,6 +2,7 @@
 
 use super::RulesSettings;
 use super::course::Course;
+use crate::barrier::{Barrier, BarrierReason};
 use crate::junctions::Junctions;
 
 /// What an agent is told before a passage, and for which reason.
@@ -28,6 +29,17 @@ impl OrderKind {
     /// All kinds; the position is the code that crosses the Python boundary.
     pub const ALL: [Self; 7] =
         [Self::Go, Self::Yield, Self::Exit, Self::Queue, Self::Follow, Self::Crosswalk, Self::Unseen];
+
+    /// Why its barrier is there.
+    pub(super) fn reason(self) -> BarrierReason {
+        match self {
+            Self::Go | Self::Yield | Self::Follow => BarrierReason::Yield,
+            Self::Exit => BarrierReason::Exit,
+            Self::Queue => BarrierReason::Queue,
+            Self::Crosswalk => BarrierReason::Crosswalk,
+            Self::Unseen => BarrierReason::Unseen,
+        }
+    }
 }
 
 /// What an agent remembers of its next passage.
@@ -54,12 +66,8 @@ pub struct Order {
     pub id: i64,
     /// Why.
     pub kind: OrderKind,
-    /// Arc length on its reference path that its front must not pass [m] ...
-    pub stop: f64,
-    /// ... before this time has passed [s]; infinite: until it is told otherwise.
-    pub release: f64,
-    /// Because of this participant.
-    pub by: Option<i64>,
+    /// On its reference path; `None`: it may enter now.
+    pub barrier: Option<Barrier>,
     /// What it remembers.
     pub memory: Memory,
 }

@@ -241,9 +241,9 @@ impl<'a> World<'a> {
                 target = target.min((square.max(0.0).sqrt() - 1.6).max(0.0));
             }
         }
-        if let Some(order) = orders.iter().find(|order| order.id == vehicle.id && order.stop.is_finite()) {
-            let room = order.stop - vehicle.front;
-            if order.release.is_infinite() || vehicle.velocity.max(target) * order.release > room {
+        if let Some(barrier) = orders.iter().find(|order| order.id == vehicle.id).and_then(|order| order.barrier) {
+            let room = barrier.s - vehicle.front;
+            if barrier.until.is_infinite() || vehicle.velocity.max(target) * barrier.until > room {
                 target = target.min((6.0 * (room - 0.5).max(0.0)).sqrt());
             }
         }

@@ -31,7 +31,7 @@ fn stop(scenario: &Scenario, (time_step, entered): (i64, i64), front: f64, veloc
     let way = Way::along(&path(), &[0, 1], scenario, &settings);
     let control = &scenario.control;
     let rules = Rules { control, settings: &settings, way: &way, time_step, entered, ..Rules::default() };
-    rules.stop(&way, front, velocity)
+    rules.barriers(&way, front, velocity).nearest()
 }
 
 #[test]
@@ -86,10 +86,10 @@ fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_
     // One that could have stopped, and is faster a step later, does not become too near.
     assert_eq!(Stop::default().looking(&at(101, Stop::default()), 73.0, 14.0).passing(), None);
     // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
-    assert!(at(112, Stop::default()).stop(&way, 88.0, 12.0).is_finite(), "without memory it brakes hard");
-    assert!(at(112, near).stop(&way, 88.0, 12.0).is_infinite());
+    assert!(at(112, Stop::default()).barriers(&way, 88.0, 12.0).nearest().is_finite(), "without memory it brakes hard");
+    assert!(at(112, near).barriers(&way, 88.0, 12.0).nearest().is_infinite());
     // 5 m/s, 5 m before it: 2.5 m/s².
-    assert!(at(118, near).stop(&way, 95.0, 5.0).is_finite(), "it can stop");
+    assert!(at(118, near).barriers(&way, 95.0, 5.0).nearest().is_finite(), "it can stop");
     assert_eq!(near.looking(&at(118, near), 95.0, 5.0).passing(), None, "and then it has to");
     assert_eq!(near.looking(&at(118, near), 101.0, 12.0).passing(), None, "behind the line it is forgotten");
     assert_eq!(near.looking(&at(700, near), 88.0, 12.0).passing(), None, "on green, too");
@@ -106,7 +106,7 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     for _ in 0..30 {
         let rules =
             Rules { control, settings: &settings, way: &way, served: sign.served(&settings, 0.1), ..Rules::default() };
-        if rules.stop(&way, 99.0, 0.0).is_infinite() {
+        if rules.barriers(&way, 99.0, 0.0).nearest().is_infinite() {
             break;
         }
         held += 1;
@@ -131,7 +131,7 @@ fn a_right_turn_on_red_waits_as_long_as_a_stop_sign_and_goes_last_until_it_is_be
         let stood = (0..standing).fold(Stop::default(), |stop, _| stop.after(control, &way, 99.0, 0.0));
         let served = stood.served(settings, 0.1);
         let rules = Rules { control, settings, way: &way, time_step, served, ..Rules::default() };
-        (rules.stop(&way, front, 0.0).is_finite(), rules.turns_on_red(front))
+        (rules.barriers(&way, front, 0.0).nearest().is_finite(), rules.turns_on_red(front))
     };
     let on = RulesSettings::default();
     assert_eq!(after(&on, 50, 9, 99.0), (true, false), "it has not stood for a second");
@@ -153,7 +153,7 @@ fn switched_off_rules_hold_no_agent() {
     ] {
         let way = Way::along(&path(), &[0, 1], &scenario, &settings);
         let rules = Rules { control: &scenario.control, settings: &settings, way: &way, ..Rules::default() };
-        assert_eq!(rules.stop(&way, 50.0, 5.0), f64::INFINITY);
+        assert_eq!(rules.barriers(&way, 50.0, 5.0).nearest(), f64::INFINITY);
     }
 }
 
@@ -172,26 +172,16 @@ fn a_crosswalk_holds_like_a_line_whatever_is_before_it() {
     let light = scenario(&[(1000, Signal::Red)], false);
     let settings = RulesSettings::default();
     let way = Way::along(&path(), &[0, 1], &light, &settings);
-    let hold = Some(Hold { distance: 10.0, release: 0.8, by: None });
-    for (crosswalk, expected) in [(20.0, 80.0), (60.0, 100.0), (f64::INFINITY, 100.0)] {
+    for (crosswalk, expected) in [(20.0, 80.0), (60.0, 100.0)] {
+        let mut told = Barriers::NONE;
+        told.push(Barrier::lasting(7.0 + crosswalk, BarrierReason::Crosswalk));
         let rules =
-            Rules { control: &light.control, settings: &settings, way: &way, crosswalk, hold, ..Rules::default() };
-        assert!((rules.stop(&way, 60.0, 10.0) - expected).abs() < 1e-6, "{crosswalk} m before the front");
-    }
-}
-
-#[test]
-fn of_a_wait_and_a_stop_behind_it_the_one_that_takes_harder_braking_counts() {
-    for (distance, release, velocity, stop, expected) in [
-        (10.0, 0.8, 10.0, 20.0, true),            // no wait at 10 m/s, then 2.5 m/s²
-        (10.0, 0.8, 10.0, 60.0, false),           // 0.8 m/s²: there is time
-        (10.0, 1.5, 10.0, 20.0, false),           // 4.4 m/s² to arrive after 1.5 s
-        (10.0, 1.1, 10.0, 20.0, true),            // 1.7 m/s²
-        (10.0, f64::INFINITY, 10.0, 12.0, false), // no other place to stop than the first one
-        (0.5, 0.8, 0.0, 2.0, false),              // it stands
-    ] {
-        let hold = Hold { distance, release, by: None };
-        let found = hold.is_easier_than(stop, velocity);
-        assert_eq!(found, expected, "{distance} m, {release} s, {velocity} m/s, {stop} m");
+            Rules { control: &light.control, settings: &settings, way: &way, front: 7.0, told, ..Rules::default() };
+        let found = rules.barriers(&way, 60.0, 10.0);
+        assert!((found.nearest() - expected).abs() < 1e-6, "{crosswalk} m before the front");
+        assert_eq!(
+            found.iter().map(|one| one.reason).collect::<Vec<_>>(),
+            [BarrierReason::Light, BarrierReason::Crosswalk]
+        );
     }
 }

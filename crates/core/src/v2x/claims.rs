@@ -17,11 +17,12 @@ use std::sync::Arc;
 use super::V2xSettings;
 use super::inbox::Inbox;
 use super::message::{Body, Claim, Message, PlanPoint};
+use crate::barrier::{Barrier, BarrierReason};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::scene::Storeys;
 pub use bar::{Agreement, Bar};
-use bar::{Stop, bar, note};
+use bar::{bar, note};
 use lane::Lane;
 pub(crate) use lane::Neighbour;
 pub(crate) use order::Crossing;
@@ -181,13 +182,13 @@ impl Standpoint {
         let first = self.first(agent, &zones, inbox, &yielded, situation.first);
         self.yields_to.extend(first.iter().map(|zone| zone.id));
         let contested = first.iter().filter(|zone| zone.is_contested(has_held) && !self.passes.contains(&zone.id));
-        let mut stop = Stop::soonest(agent, contested);
+        let mut stop = Zone::barrier(agent, contested);
         let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
         if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
-            && stop.is_none_or(|stop| mouth <= stop.at)
+            && stop.is_none_or(|stop| mouth <= stop.s)
             && lane.is_blocked(mouth.max(agent.front), exit + agent.extent.0 + ROOM)
         {
-            stop = Some(Stop { at: mouth, release: f64::INFINITY, going: None });
+            stop = Some(Barrier::lasting(mouth, BarrierReason::Agreement));
             if self.passes.is_empty() {
                 self.claim = None;
             }
@@ -200,7 +201,7 @@ impl Standpoint {
         if let Some(stop) = stop {
             let bar = bar(agent, &stop, stopping, situation);
             self.bar = Some(bar);
-            let (holding, going, claim) = (agent.id, stop.going, self.n);
+            let (holding, going, claim) = (agent.id, stop.by, self.n);
             note(agreements, Agreement { holding, going, first: now, last: now, bar: bar.pose, claim });
         }
     }

@@ -212,9 +212,9 @@ impl Network {
             let state = State { x: position.x, y: position.y, orientation, ..State::default() };
             let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
             let kind = ParticipantKind::ConstructionZone;
-            let is_static = bar.release.is_infinite();
+            let is_static = bar.barrier.until.is_infinite();
             more.extras.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
-            more.fillings.push(Filling::Bar(bar.release));
+            more.fillings.push(Filling::Bar(bar.barrier.until));
             known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
         }
         known.sort_by_key(|known| known.id);

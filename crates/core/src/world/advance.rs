@@ -1,5 +1,6 @@
 //! One step: all participants move at once; then contacts, road departure and goals; then participants enter and leave.
 
+use crate::barrier::Barrier;
 use std::collections::BTreeSet;
 
 use super::{Drive, StepMemory, StepSettings, World};
@@ -8,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::plan::external_plan::check_plan;
 use crate::recording::{Outcome, OutcomeKind, Wait};
-use crate::rules::{Order, OrderKind};
 use crate::scenario::GoalState;
 use crate::trajectory::{PlanStatus, Plans, State};
 
@@ -63,10 +63,10 @@ impl World {
         self.judge_standstill();
         self.remember(&orders);
         if self.settings.keep_recording {
-            for order in orders.iter().filter(|order| order.kind != OrderKind::Go) {
+            for (order, barrier) in orders.iter().filter_map(|order| Some((order, order.barrier?))) {
                 let (first, last) = (self.time_step - 1, self.time_step - 1);
-                let Order { id: agent, kind, by, stop, .. } = *order;
-                self.recording.push_wait(Wait { agent, first, last, kind: kind as u8, by, stop });
+                let (agent, kind, Barrier { by, s: stop, .. }) = (order.id, order.kind as u8, barrier);
+                self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
             }
             self.recording.push_plans(plans.clone());
         }

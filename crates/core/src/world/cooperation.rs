@@ -4,10 +4,11 @@ use std::cell::OnceCell;
 use std::sync::OnceLock;
 
 use super::{Agent, Drive, World};
+use crate::barrier::Barrier;
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::predict::completed;
-use crate::rules::{Course, Hold};
+use crate::rules::Course;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
@@ -153,10 +154,9 @@ impl World {
         self.network.as_deref().map_or(&[], Network::agreements)
     }
 
-    /// Where an agent holds because of an agreement.
-    pub(super) fn agreed_hold(&self, drive: &Drive) -> Option<Hold> {
-        let bar = self.network.as_deref()?.bar(drive.place?)?;
-        Some(Hold { distance: bar.near - drive.front(), release: bar.release, by: bar.going })
+    /// Where an agent waits because of an agreement.
+    pub(super) fn agreed(&self, drive: &Drive) -> Option<Barrier> {
+        Some(self.network.as_deref()?.bar(drive.place?)?.barrier)
     }
 
     /// Agents renew their claims from what has arrived and what they see.
@@ -186,7 +186,7 @@ impl World {
         let (path, center) = (&drive.agent.route.path, drive.s + vehicle.rear_axle_to_center);
         let rear_axle = vehicle.rear_axle_from_center(state.pose());
         let offset = path.project_near(rear_axle, drive.s, 5.0).map_or(f64::INFINITY, |(_, d)| d);
-        let held = self.hold(drive).map_or(f64::INFINITY, |hold| hold.distance);
+        let told = [self.ordered(drive), self.crosswalk_ahead(drive)].into_iter().flatten();
         Negotiator {
             place,
             id: drive.agent.id,
@@ -200,7 +200,7 @@ impl World {
             storeys: &self.participants.storeys,
             crossings: &drive.crossings,
             is_ordered: !drive.course.stations.is_empty(),
-            line: self.line(drive).min(drive.front() + self.to_crosswalk(drive).min(held)),
+            line: told.map(|barrier| barrier.s).fold(self.line(drive), f64::min),
         }
     }
 

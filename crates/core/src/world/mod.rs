@@ -19,6 +19,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use crate::barrier::Barriers;
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
@@ -165,12 +166,10 @@ impl Drive {
 pub struct Progress {
     /// Arc length of its rear axle [m]; NaN where it cannot be told.
     pub s: f64,
-    /// Arc length that its front must not pass [m], infinite without one ...
-    pub stop_s: f64,
-    /// ... before this time has passed [s]; infinite: until it is told otherwise.
-    pub stop_release: f64,
-    /// The participant that it waits for.
-    pub stop_by: Option<i64>,
+    /// Arc length of its front [m].
+    pub front: f64,
+    /// What it must not pass now.
+    pub barriers: Barriers,
 }
 
 /// The running simulation. A copy goes on by itself, to the same bits.
@@ -438,18 +437,8 @@ impl World {
     pub fn progress(&self, id: i64) -> Result<Progress> {
         let drive = &self.drives[self.drive_index(id)?];
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
-        let rules = self.rules(drive);
-        let line = rules.stop(&drive.way, drive.front(), velocity);
-        let to_line = line - drive.front();
-        let is_line = |(distance, _): &(f64, i64)| drive.front() + distance <= line;
-        let by = self.crosswalk_ahead(drive).filter(is_line).map(|(_, by)| by);
-        let own = Progress { s: drive.s, stop_s: line, stop_release: f64::INFINITY, stop_by: by };
-        Ok(match rules.hold {
-            Some(hold) if hold.distance < to_line && !hold.is_easier_than(to_line, velocity) => {
-                Progress { stop_s: drive.front() + hold.distance, stop_release: hold.release, stop_by: hold.by, ..own }
-            }
-            _ => own,
-        })
+        let barriers = self.rules(drive).barriers(&drive.way, drive.front(), velocity);
+        Ok(Progress { s: drive.s, front: drive.front(), barriers })
     }
 
     /// Speed limits at every point of the agent's reference path [m/s]; infinite where there is none.

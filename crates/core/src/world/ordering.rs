@@ -1,13 +1,14 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
+use crate::barrier::Barrier;
 use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{
-    Body, Booking, Course, Hold, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
+    Body, Booking, Course, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
 };
 use crate::scenario::Scenario;
 use crate::scene::Scene;
@@ -60,16 +61,11 @@ impl World {
         drives.map(|drive| drive.agent.id).collect()
     }
 
-    /// What an agent has been told.
-    pub(super) fn hold(&self, drive: &Drive) -> Option<Hold> {
+    /// The barrier of the order that an agent has.
+    pub(super) fn ordered(&self, drive: &Drive) -> Option<Barrier> {
         let orders = self.orders();
         let place = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok()?;
-        let order = &orders[place];
-        order.stop.is_finite().then(|| Hold {
-            distance: order.stop - drive.front(),
-            release: order.release,
-            by: order.by,
-        })
+        orders[place].barrier
     }
 
     /// What an agent shows of the way that it takes at a fork.
@@ -110,13 +106,13 @@ impl World {
                 narrow_in_bends(found.get_or_insert_with(|| predictions.clone()), row, dt);
             }
         }
-        for order in self.orders().iter().filter(|order| order.stop.is_finite()) {
+        for (order, barrier) in self.orders().iter().filter_map(|order| Some((order, order.barrier?))) {
             let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
             let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
-            let mouth = drive.agent.route.path.at(order.stop);
+            let mouth = drive.agent.route.path.at(barrier.s);
             let waiting = Waiting {
                 line: Pose { position: mouth.position, orientation: mouth.theta },
-                release: order.release,
+                release: barrier.until,
                 to_front: 0.5 * drive.agent.vehicle.length,
             };
             wait(found.get_or_insert_with(|| predictions.clone()), row, state, &waiting, self.scenario.dt);
@@ -184,7 +180,7 @@ impl World {
                     settings: &drive.agent.rules,
                     memory: drive.memory,
                     line: self.line(drive),
-                    crosswalk: drive.front() + self.to_crosswalk(drive),
+                    crosswalk: self.crosswalk_ahead(drive).map_or(f64::INFINITY, |barrier| barrier.s),
                     turns_on_red: goes_last[place],
                     sight: drive.agent.view.sensor_radius,
                     unseen: &unseen[place],
@@ -206,7 +202,7 @@ impl World {
     /// Arc length of the stop line that holds an agent [m].
     pub(super) fn line(&self, drive: &Drive) -> f64 {
         let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity.max(0.0));
-        self.lines(drive).stop(&drive.way, drive.front(), velocity)
+        self.lines(drive).barriers(&drive.way, drive.front(), velocity).nearest()
     }
 
     fn matching(&self, scene: &Scene, row: usize) -> Vec<LaneMatch> {

@@ -2,6 +2,7 @@
 //! where it waited at the last step.
 
 use super::{Drive, World};
+use crate::barrier::{Barrier, BarrierReason};
 use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
@@ -26,21 +27,17 @@ pub(super) struct CrosswalkWait {
 }
 
 impl World {
-    /// The crosswalk before which an agent has to wait: distance from its front [m], and for whom.
-    pub(super) fn crosswalk_ahead(&self, drive: &Drive) -> Option<(f64, i64)> {
+    /// The crosswalk before which an agent has to wait.
+    pub(super) fn crosswalk_ahead(&self, drive: &Drive) -> Option<Barrier> {
         if self.has_crosswalks { self.wait_for_people(drive) } else { None }
     }
 
-    /// The distance alone [m]; infinite without one.
-    pub(super) fn to_crosswalk(&self, drive: &Drive) -> f64 {
-        self.crosswalk_ahead(drive).map_or(f64::INFINITY, |(distance, _)| distance)
-    }
-
     #[cold]
-    fn wait_for_people(&self, drive: &Drive) -> Option<(f64, i64)> {
+    fn wait_for_people(&self, drive: &Drive) -> Option<Barrier> {
         let waits = self.waits();
         let wait = &waits[waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok()?];
-        Some((drive.way.crosswalks()[wait.crosswalk].entry - drive.front(), wait.by))
+        let s = drive.way.crosswalks()[wait.crosswalk].entry;
+        Some(Barrier { by: Some(wait.by), ..Barrier::lasting(s, BarrierReason::Crosswalk) })
     }
 
     /// Those who wait now, by ids; a pure function of the present state.

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{MutexGuard, OnceLock};
 
 use super::{Drive, World};
+use crate::barrier::Barriers;
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
@@ -161,9 +162,9 @@ impl World {
 
     /// The rules of the road for an agent now.
     pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
-        let holds = [self.hold(drive), self.agreed_hold(drive)];
-        let hold = holds.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance));
-        Rules { crosswalk: self.to_crosswalk(drive), hold, ..self.lines(drive) }
+        let mut told = Barriers::NONE;
+        told.extend([self.crosswalk_ahead(drive), self.ordered(drive), self.agreed(drive)].into_iter().flatten());
+        Rules { told, ..self.lines(drive) }
     }
 
     /// The same without junctions and crosswalks.
@@ -177,8 +178,8 @@ impl World {
             dt: self.scenario.dt,
             served: drive.stop.served(&drive.agent.rules, self.scenario.dt),
             passing: drive.stop.passing(),
-            crosswalk: f64::INFINITY,
-            hold: None,
+            front: drive.front(),
+            told: Barriers::NONE,
         }
     }
 

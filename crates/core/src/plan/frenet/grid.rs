@@ -12,6 +12,7 @@ use super::profiles::{LongitudinalProfile, PathPoints, ProfileCurve, ProfilePoin
 use super::settings::FrenetSettings;
 use super::targets::Targets;
 use super::velocity_keeping_profiles::{CoarseSpeeds, N_MOTION, ProfileCheck, SIMD_POINTS, VelocityKeepingProfiles};
+use crate::barrier::Barriers;
 use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
@@ -75,10 +76,8 @@ pub(super) struct SampleGrid {
     /// Of the profile at hand.
     along: Vec<f64>,
     jerks: Vec<f64>,
-    /// Arc length that no sample passes [m].
-    s_max: f64,
-    /// The same for a time [s].
-    gate: (f64, f64),
+    /// Arc lengths that no sample passes [m], and until when.
+    barriers: Barriers,
     /// State of the start, as far as lateral motions need it.
     start: [f64; 4],
     is_free: bool,
@@ -105,8 +104,7 @@ impl SampleGrid {
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
-        self.s_max = targets.s_max;
-        self.gate = targets.gate;
+        self.barriers = targets.barriers;
         end_times(settings, &mut self.end_times);
         self.choose_offsets(inputs);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
@@ -222,8 +220,7 @@ impl SampleGrid {
         });
         // Where it is at the end is where it gets at most, if it never goes backwards; that is looked at below.
         let place = |time: f64| s.at(end_time.min(time))[0] + end_velocity * (time - end_time.min(time));
-        let (gate, release) = self.gate;
-        if place(limits.horizon()) > self.s_max || (gate.is_finite() && place(release.min(limits.horizon())) > gate) {
+        if self.barriers.iter().any(|one| place(one.until.min(limits.horizon())) > one.s) {
             self.profiles.last_mut().expect("it was pushed").rejection = Rejection::StopLine;
             return false;
         }
@@ -290,7 +287,7 @@ impl SampleGrid {
                 profile.rejection = Rejection::NegativeSpeed;
             }
             profile.rejection = profile.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
-            if s[i] > self.s_max || (s[i] > self.gate.0 && self.times[i] < self.gate.1) {
+            if self.barriers.iter().any(|one| s[i] > one.s && self.times[i] < one.until) {
                 profile.rejection = profile.rejection.or(Rejection::StopLine);
             }
             if !(0.0..=path.length()).contains(&s[i]) {

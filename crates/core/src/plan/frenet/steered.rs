@@ -67,7 +67,7 @@ pub(super) fn steer_all(
         for driver in &DRIVERS {
             let whole = wholes.push();
             let last = steer(whole, request, (start, targets, limits), samples, profile, driver);
-            let is_before_stop = last.is_some_and(|last| last <= targets.s_max.min(targets.gate.0));
+            let is_before_stop = last.is_some_and(|last| last <= targets.barriers.nearest());
             let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
             if is_before_stop && comes_further && obstacles.cover(&whole.points) {
                 whole.sum_up(limits, targets, weights);

@@ -8,6 +8,7 @@ use super::super::{Other, PlanRequest};
 use super::detour::{Detour, Leader};
 use super::passing::{self, Passage, Standing};
 use super::settings::{Comfort, FrenetSettings};
+use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::geometry::{Aabb, Point};
 
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
@@ -28,7 +29,7 @@ const BELOW_MAX: f64 = 1.0;
 /// Nothing comes nearer to a stop line than this [m].
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
-const HOLD_STOP: f64 = 2.0;
+const STOP_TIME: f64 = 2.0;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -42,14 +43,12 @@ pub(super) struct Targets {
     /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end, before a
     /// stop line.
     pub(super) stops: [Option<f64>; 3],
-    /// Arc length that the rear axle must not pass [m], because of a stop line; infinite without one.
-    pub(super) s_max: f64,
+    /// Arc lengths that the rear axle must not pass [m], and until when.
+    pub(super) barriers: Barriers,
     /// Lateral position [m]: 0, on the way to another lane, or beside what stands in the way and is passed.
     pub(super) offset: f64,
     /// Slow agents move over within this length [m]; 0: as far as their wheels need.
     pub(super) swing: f64,
-    /// As `s_max` before a junction, and for how long [s].
-    pub(super) gate: (f64, f64),
 }
 
 /// A participant ahead on the path.
@@ -65,23 +64,13 @@ impl Targets {
         let comfort = &settings.comfort;
         let vehicle = request.vehicle;
         let front = start.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
-        let (mut following, mut standing) = (f64::INFINITY, f64::INFINITY);
-        let line = request.stop(request.rules.way, start.s);
-        if line.is_finite() {
-            following = safe_velocity(line - LINE_GAP - front, 0.0, (LINE_REACTION, comfort.deceleration));
-        }
-        let (hold, release) = request.hold(start.s);
-        if hold.is_finite() {
-            // It arrives when it may go.
-            let room = hold - LINE_GAP - front;
-            let safe = safe_velocity(room, 0.0, (LINE_REACTION, comfort.deceleration));
-            following = following.min(safe.max(room / release.max(request.dt)));
-        }
-        if request.lane_change.end.is_finite() {
-            let room = request.lane_change.end - front;
-            following =
-                following.min(safe_velocity(room, 0.0, (LINE_REACTION, LANE_END_BRAKING * comfort.deceleration)));
-        }
+        let all_barriers = request.barriers(request.rules.way, start.s);
+        let approach = |one: &Barrier| approach_velocity(one, front, request.dt, comfort.deceleration);
+        let (mut following, mut standing) =
+            (all_barriers.iter().map(approach).fold(f64::INFINITY, f64::min), f64::INFINITY);
+        // An agent that finds no gap drives to the end of its lane slowly; it need not stop there.
+        let barriers = || all_barriers.iter().filter(|one| one.reason != BarrierReason::LaneEnd);
+        let lasting = || barriers().filter(|one| one.until > STOP_TIME).map(|one| one.s);
         let stretch = Stretch::ahead(request, start);
         let all = || {
             let near = request.others.iter().filter(|other| stretch.may_hold(other));
@@ -111,9 +100,8 @@ impl Targets {
         let goal_velocity = request.lane_change.velocity.unwrap_or(goal_velocity);
         if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
             // Where the agent has to stop there is no room to return, as behind a leader that stands.
-            let hold = Some(hold).filter(|_| release > HOLD_STOP);
-            let stops = [Some(line), hold, goal_stop.map(|s| s + front - start.s)];
-            let stops = stops.into_iter().flatten().map(|rear| Leader { rear, velocity: 0.0 });
+            let stops = lasting().chain(goal_stop.map(|s| s + front - start.s));
+            let stops = stops.map(|rear| Leader { rear, velocity: 0.0 });
             // Looked for once more, as plans without a detour have to do without memory for them.
             let leaders = all().filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
             let leaders: Vec<Leader> = leaders.chain(stops).collect();
@@ -141,15 +129,24 @@ impl Targets {
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
         let near = |s: &f64| settings.stop_targets && (0.3..reach).contains(&(s - start.s));
-        let line_stop = line - LINE_GAP - (front - start.s);
+        let line_stop = lasting().fold(f64::INFINITY, f64::min) - LINE_GAP - (front - start.s);
         // Where it stands now it may stay.
-        let s_max = (line - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
-        let gate = (hold - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
-        let hold_stop = hold - LINE_GAP - (front - start.s);
-        let line_stop = if release > HOLD_STOP { line_stop.min(hold_stop) } else { line_stop };
+        let for_axle = |s: f64| (s - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
+        let mut axle_barriers = Barriers::NONE;
+        axle_barriers.extend(barriers().map(|one| Barrier { s: for_axle(one.s), ..*one }));
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, limit, stops, s_max, gate: (gate, release), offset, swing }
+        Self { velocity, limit, stops, barriers: axle_barriers, offset, swing }
     }
+}
+
+/// Speed at which an agent drives towards a barrier [m/s]: it can stop there, or arrives when it opens.
+fn approach_velocity(barrier: &Barrier, front: f64, dt: f64, deceleration: f64) -> f64 {
+    if barrier.reason == BarrierReason::LaneEnd {
+        return safe_velocity(barrier.s - front, 0.0, (LINE_REACTION, LANE_END_BRAKING * deceleration));
+    }
+    let room = barrier.s - LINE_GAP - front;
+    let safe = safe_velocity(room, 0.0, (LINE_REACTION, deceleration));
+    if barrier.until.is_finite() { safe.max(room / barrier.until.max(dt)) } else { safe }
 }
 
 /// Gipps' safe speed: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable

@@ -73,7 +73,7 @@ impl Wholes {
     ) {
         self.clear();
         let whole = self.push();
-        if whole.convert(request, start, limits).is_some_and(|s| s <= targets.s_max.min(targets.gate.0)) {
+        if whole.convert(request, start, limits).is_some_and(|s| s <= targets.barriers.nearest()) {
             whole.sum_up(limits, targets, weights);
         } else {
             self.pop();

@@ -1,6 +1,7 @@
 //! Bars before which agents hold, and the record of who held for whom.
 
 use super::{Negotiator, Situation};
+use crate::barrier::Barrier;
 use crate::geometry::Pose;
 
 /// Length of a bar, largest width to each side [m].
@@ -18,22 +19,8 @@ pub struct Bar {
     pub pose: Pose,
     /// Length and width [m].
     pub extent: (f64, f64),
-    /// Arc length of its near edge on the path [m].
-    pub near: f64,
-    /// It opens after this time [s]; infinite: when the agent knows more.
-    pub release: f64,
-    /// Id of the agent that goes; `None`: the way behind the zone is blocked.
-    pub going: Option<i64>,
-}
-
-/// Where an agent must not be before another one has left.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Stop {
-    /// Arc length on its path [m].
-    pub(super) at: f64,
-    /// As in `Bar`.
-    pub(super) release: f64,
-    pub(super) going: Option<i64>,
+    /// Its near edge on the path, and for whom; for nobody: the way behind the zone is blocked.
+    pub barrier: Barrier,
 }
 
 /// A stretch of time steps in which an agent holds for another.
@@ -65,11 +52,11 @@ pub(super) fn note(agreements: &mut Vec<Agreement>, new: Agreement) {
 }
 
 /// The bar before a place, never nearer than the distance in which the agent stops [m].
-pub(super) fn bar(agent: &Negotiator<'_>, stop: &Stop, stopping: f64, situation: &Situation<'_>) -> Bar {
-    let near = (stop.at - situation.settings.hold_margin).max(agent.front + stopping + 0.1);
+pub(super) fn bar(agent: &Negotiator<'_>, barrier: &Barrier, stopping: f64, situation: &Situation<'_>) -> Bar {
+    let near = (barrier.s - situation.settings.hold_margin).max(agent.front + stopping + 0.1);
     let at = agent.path.at(near + 0.5 * BAR_LENGTH);
     let curve = (0..=BAR_STRETCH as usize).map(|k| agent.path.at(near - k as f64).curvature.abs()).fold(0.0, f64::max);
     let most = BAR_SIDE.min(BAR_CURVE / curve.max(1e-6));
     let pose = Pose { position: at.position, orientation: at.theta };
-    Bar { pose, extent: (BAR_LENGTH, 2.0 * most), near, release: stop.release, going: stop.going }
+    Bar { pose, extent: (BAR_LENGTH, 2.0 * most), barrier: Barrier { s: near, ..*barrier } }
 }

@@ -1,10 +1,10 @@
 //! The road that an agent needs together with another one, and when both are there.
 
-use super::bar::Stop;
 use super::lane::Neighbour;
 use super::order::common;
 use super::overlap::{Overlap, Own, Theirs};
 use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, ROOM, Situation, plans};
+use crate::barrier::{Barrier, BarrierReason};
 use crate::geometry::Point;
 use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
 use crate::v2x::inbox::Inbox;
@@ -49,16 +49,16 @@ impl Zone {
     }
 }
 
-impl Stop {
+impl Zone {
     /// Before the nearest passage with one of these zones, until the agent comes too late for all of them.
-    pub(super) fn soonest<'a>(agent: &Negotiator<'_>, zones: impl Iterator<Item = &'a Zone>) -> Option<Self> {
-        let later = |a: &&Zone, b: &&Zone| {
+    pub(super) fn barrier<'a>(agent: &Negotiator<'_>, zones: impl Iterator<Item = &'a Self>) -> Option<Barrier> {
+        let later = |a: &&Self, b: &&Self| {
             b.passage.0.total_cmp(&a.passage.0).then(a.delay().total_cmp(&b.delay())).then(b.id.cmp(&a.id))
         };
         let zone = zones.max_by(later)?;
-        let at = zone.passage.0;
-        let enter = Window::of((at - agent.front, 0.0), agent.velocity).enter;
-        Some(Self { at, release: enter + zone.delay(), going: Some(zone.id) })
+        let s = zone.passage.0;
+        let enter = Window::of((s - agent.front, 0.0), agent.velocity).enter;
+        Some(Barrier { s, until: enter + zone.delay(), reason: BarrierReason::Agreement, by: Some(zone.id) })
     }
 }
 
