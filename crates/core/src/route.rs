@@ -54,11 +54,42 @@ impl Default for RouteSettings {
     }
 }
 
+/// A stretch of a path within one lanelet.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathPiece {
+    /// Index of the lanelet.
+    pub lanelet: usize,
+    /// Arc length at which the path changes into this lane [m]; minus infinity where it comes from the lanelet before.
+    pub from: f64,
+    /// Arc length at which it leaves this lane for the one beside [m]; infinity where it goes on to the lanelet behind.
+    pub to: f64,
+}
+
+impl PathPiece {
+    /// From the start of a lanelet to its end.
+    pub fn whole(lanelet: usize) -> Self {
+        Self { lanelet, from: f64::NEG_INFINITY, to: f64::INFINITY }
+    }
+
+    /// A lane change leads into it or out of it.
+    pub fn is_cut(&self) -> bool {
+        self.from.is_finite() || self.to.is_finite()
+    }
+
+    /// The path lies here at an arc length [m] of this lanelet.
+    pub fn has(&self, s: f64) -> bool {
+        (self.from..self.to).contains(&s)
+    }
+}
+
 /// Lanelets from start to goal and a smooth path along their middle.
 #[derive(Debug, Clone)]
 pub struct Route {
     /// Indices of the lanelets in driving order; both lanelets of a lane change are in it.
     pub lanelets: Vec<usize>,
+    /// The lanelets in which the path lies, in its order. Where the lane changes they are not those of the route: between
+    /// two lanes that run side by side for several lanelets, the path crosses over anywhere.
+    pub pieces: Vec<PathPiece>,
     /// Along the lane centres, with blends where the lane changes, from before the start to beyond the goal.
     pub path: ReferencePath,
     /// Arc length of the start on the path [m].
@@ -128,6 +159,7 @@ pub fn find_route(
         None => (f64::NAN, f64::NAN),
     };
     Ok(Route {
+        pieces: pieces(&path, &corridor),
         lane_changes: steps.iter().filter(|step| step.is_change).count(),
         lanelets: steps.into_iter().map(|step| step.lanelet).collect(),
         path,
@@ -136,6 +168,18 @@ pub fn find_route(
         goal_exit_s,
         user: settings.user,
     })
+}
+
+/// The lanelets of a corridor with the arc lengths on its smooth path at which the lane changes.
+fn pieces(path: &ReferencePath, corridor: &Corridor) -> Vec<PathPiece> {
+    let changes = |changed: &Option<(Point, f64)>| changed.map(|(point, hint)| near_hint(path, point, hint));
+    let entered: Vec<Option<f64>> = corridor.lanelets.iter().map(|(_, changed)| changes(changed)).collect();
+    let piece = |(i, (lanelet, _)): (usize, &(usize, Option<(Point, f64)>))| PathPiece {
+        lanelet: *lanelet,
+        from: entered[i].unwrap_or(f64::NEG_INFINITY),
+        to: entered.get(i + 1).copied().flatten().unwrap_or(f64::INFINITY),
+    };
+    corridor.lanelets.iter().enumerate().map(piece).collect()
 }
 
 /// Arc length of a point on the path, near where it is on the centre lines.

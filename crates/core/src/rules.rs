@@ -32,6 +32,7 @@ use crate::control::{Control, Signal};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 use crate::road::RoadNetwork;
+use crate::route::PathPiece;
 use crate::scenario::Scenario;
 use crate::settings::{between, positive, settings};
 
@@ -162,14 +163,15 @@ pub struct Way {
 }
 
 impl Way {
-    /// Of a path along lanelets, as far as these settings obey it.
-    pub fn along(path: &ReferencePath, lanelets: &[usize], scenario: &Scenario, settings: &RulesSettings) -> Self {
-        let mut way = Self::without_crosswalks(path, lanelets, scenario, settings);
+    /// Of a path with its pieces, as far as these settings obey it.
+    pub fn along(path: &ReferencePath, pieces: &[PathPiece], scenario: &Scenario, settings: &RulesSettings) -> Self {
+        let mut way = Self::without_crosswalks(path, pieces, scenario, settings);
+        let lanelets: &[usize] = &pieces.iter().map(|piece| piece.lanelet).collect::<Vec<_>>();
         if settings.enabled && settings.crossings && !scenario.control.crosswalks.is_empty() {
             way.crosswalks = Crosswalk::along(path, lanelets, &scenario.control, &scenario.road);
         }
         if settings.enabled && settings.blinkers {
-            way.turnings = Turning::along(path, lanelets, &scenario.control, &scenario.road);
+            way.turnings = Turning::along(path, pieces, &scenario.control, &scenario.road);
         }
         way
     }
@@ -177,13 +179,14 @@ impl Way {
     /// The same without crosswalks and turns: agents look for people, and show their turns, on their reference paths only.
     pub fn without_crosswalks(
         path: &ReferencePath,
-        lanelets: &[usize],
+        pieces: &[PathPiece],
         scenario: &Scenario,
         settings: &RulesSettings,
     ) -> Self {
         if !settings.enabled {
             return Self::default();
         }
+        let lanelets: &[usize] = &pieces.iter().map(|piece| piece.lanelet).collect::<Vec<_>>();
         let limits = if settings.speed {
             SpeedLimits::along(path, lanelets, &scenario.road, settings.speed_factor)
         } else {
@@ -192,6 +195,8 @@ impl Way {
         let mut crossings = Vec::new();
         for (index, line) in scenario.control.lines.iter().enumerate() {
             let Some(place) = lanelets.iter().position(|lanelet| *lanelet == line.lanelet) else { continue };
+            // A lane change before or behind the line leads past it.
+            let is_passed = |s: &f64| pieces.iter().any(|piece| piece.lanelet == line.lanelet && piece.has(*s));
             let ahead = &lanelets[place..];
             let taken = line.lights.iter().find(|(next, _)| ahead.contains(next));
             let lights = taken.map_or_else(
@@ -199,7 +204,7 @@ impl Way {
                 |(_, lights)| lights.clone(),
             );
             let turns_on_red = settings.right_on_red && taken.is_some_and(|(next, _)| line.turns_on_red.contains(next));
-            let places = arc_lengths_at(path, line.ends);
+            let places = arc_lengths_at(path, line.ends).filter(is_passed);
             crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights), turns_on_red }));
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
@@ -326,11 +331,12 @@ impl Rules<'_> {
         found
     }
 
-    /// An agent with its front at an arc length [m] is about to turn right on red, or has just passed the line: it goes last.
-    pub fn turns_on_red(&self, front: f64) -> bool {
+    /// An agent with its front at an arc length of a way [m] is about to turn right on red, or has just passed the line: it
+    /// goes last.
+    pub fn turns_on_red(&self, way: &Way, front: f64) -> bool {
         let is_next =
             |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.served == Some(one.line));
-        self.settings.lights && self.way.crossings.iter().filter(is_next).any(|one| self.is_turn_on_red(one))
+        self.settings.lights && way.crossings.iter().filter(is_next).any(|one| self.is_turn_on_red(one))
     }
 
     fn is_turn_on_red(&self, crossing: &Crossing) -> bool {
@@ -391,7 +397,7 @@ pub struct Stop {
 }
 
 impl Stop {
-    /// One time step later, with the arc length of the agent's front on its way [m] and its speed [m/s].
+    /// One time step later, with the arc length of the agent's front on the way of its lane [m] and its speed [m/s].
     pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
         let counts = |one: &&Crossing| one.turns_on_red || control.lines[one.line].has_stop_sign;
         let near = way.crossings.iter().filter(counts).find(|one| one.s > front && one.s - front <= STOP_REACH);
@@ -405,8 +411,8 @@ impl Stop {
     /// The same, having looked at the next light under the rules of now. That the agent is too near is found when the
     /// light changes or the agent enters; later it may have become faster.
     #[must_use]
-    pub fn looking(self, rules: &Rules, front: f64, velocity: f64) -> Self {
-        let next = rules.way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
+    pub fn looking(self, rules: &Rules, way: &Way, front: f64, velocity: f64) -> Self {
+        let next = way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
         let begins = |one: &Crossing| rules.time_step <= rules.entered || rules.may_pass(one, 1);
         let goes_on = |one: &&Crossing| {
             let is_lit = rules.settings.lights && !rules.may_pass(one, 0);

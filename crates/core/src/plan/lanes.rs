@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
-use crate::route::Route;
+use crate::route::{PathPiece, Route};
 use crate::rules::{RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 
@@ -273,7 +273,8 @@ impl Lane {
             pieces[i].last_chance = last.min(goal_s) - RESERVE;
             pieces[i].lane_end = last;
         }
-        Ok(Self { way: Way::without_crosswalks(&path, &chain, scenario, rules), path, pieces })
+        let whole: Vec<PathPiece> = chain.into_iter().map(PathPiece::whole).collect();
+        Ok(Self { way: Way::without_crosswalks(&path, &whole, scenario, rules), path, pieces })
     }
 
     fn piece_at(&self, s: f64) -> &Piece {
@@ -326,6 +327,11 @@ impl Lanes {
         let towards = last.and_then(|last| self.nearest(rear_axle(last.pose()), AIM)).map(|(lane, ..)| lane);
         let on = |lane: usize| self.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
         towards.and_then(on).or_else(|| self.nearest(here, ahead).map(|(lane, s, d)| Aim { lane, s, d }))
+    }
+
+    /// The way of the lane in which a vehicle is, with the arc length of its rear axle there [m].
+    pub(super) fn way_below(&self, rear_axle: Pose) -> Option<(&Way, f64)> {
+        self.nearest(rear_axle, 0.0).map(|(lane, s, _)| (&self.lanes[lane].way, s))
     }
 
     /// The lane to which a pose fits best, with the arc length and the offset of its position; ties by number.

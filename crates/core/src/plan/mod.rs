@@ -237,6 +237,16 @@ impl Prepared {
 }
 
 impl Prepared {
+    /// The way of the lane in which a vehicle is, with the arc length of its rear axle there [m]; `None` for a planner that
+    /// keeps to the reference path, or in none of its lanes.
+    pub(crate) fn way_below(&self, rear_axle: Pose) -> Option<(&Way, f64)> {
+        match self {
+            Self::Lanes(lanes) => lanes.way_below(rear_axle),
+            Self::LaneRoutes(lanes) => lanes.way_below(rear_axle),
+            _ => None,
+        }
+    }
+
     /// The request in the frame in which the sampling planner answers it.
     fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &frenet::FrenetSettings) -> PlanRequest<'a> {
         if let Self::LaneRoutes(lanes) = self { lanes.aim(request, settings) } else { *request }

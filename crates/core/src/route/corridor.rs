@@ -17,6 +17,9 @@ const FOOT_WINDOW: f64 = 25.0;
 #[derive(Debug)]
 pub(super) struct Corridor {
     pub(super) points: Vec<Point>,
+    /// The lanelets in which the points lie, in their order; where the lane changes into one, the place and its arc length
+    /// along the points [m].
+    pub(super) lanelets: Vec<(usize, Option<(Point, f64)>)>,
     /// Arc length of the start along the points [m].
     pub(super) start_hint: f64,
     /// Arc length of the end of the goal area along the points [m]; that of the last lanelet without a goal.
@@ -58,6 +61,20 @@ impl Leg {
         }
         offsets.push(length);
         LegLine { line: Polyline::new(&points).expect("a lanelet's centre line has a length"), offsets }
+    }
+}
+
+impl LegLine {
+    /// The lanelets of a leg between two arc lengths [m], the first one with where the lane changed into it.
+    fn between(
+        &self,
+        leg: &Leg,
+        (from, to): (f64, f64),
+        changed: Option<(Point, f64)>,
+    ) -> impl Iterator<Item = (usize, Option<(Point, f64)>)> {
+        let at = |s: f64| self.offsets[1..leg.lanelets.len()].partition_point(|end| *end <= s);
+        let lanelets = leg.lanelets[at(from)..=at(to.max(from))].iter();
+        lanelets.enumerate().map(move |(i, lanelet)| (*lanelet, changed.filter(|_| i == 0)))
     }
 }
 
@@ -130,15 +147,24 @@ impl Corridor {
         let start_hint = length_of(&points) + start_s;
         let mut at = 0.0;
         let mut earliest = start_s;
+        let (mut lanelets, mut entry, mut changed) = (Vec::new(), 0.0, None);
         for i in 0..last {
             let place = ChangePlace::new(&legs, &lines, i, earliest, goal_start + goal_entry);
             let length = blend_length.min(place.room).max(BLEND_LENGTH_MIN);
             let from = place.start;
             points.extend(cut(&lines[i].line, at, from));
+            let before = length_of(&points);
             at = blend(&lines[i].line, &lines[i + 1].line, from, length, place.expected, &mut points);
             earliest = at;
+            // In the middle of the blend the path is half-way between both lanes.
+            let middle = beyond(&lines[i].line, from + 0.5 * length);
+            let foot = lines[i + 1].line.project_between(middle, place.expected, at).s;
+            lanelets.extend(lines[i].between(&legs[i], (entry, from + 0.5 * length), changed));
+            changed = Some((middle.lerp(lines[i + 1].line.at(foot), 0.5), before + 0.5 * length));
+            entry = foot;
         }
         let end = lines[last].line.length();
+        lanelets.extend(lines[last].between(&legs[last], (entry, end), changed));
         points.extend(cut(&lines[last].line, at.min(end), end));
         let rest_after_goal = goal_length - goal_exit;
         let goal_hint = length_of(&points) - rest_after_goal;
@@ -148,7 +174,7 @@ impl Corridor {
             settings.extension - rest_after_goal,
             &mut points,
         );
-        Self { points, start_hint, goal_hint }
+        Self { points, lanelets, start_hint, goal_hint }
     }
 }
 

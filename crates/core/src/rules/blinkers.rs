@@ -4,6 +4,7 @@ use super::course::stations;
 use crate::control::{Control, Turn};
 use crate::geometry::polyline::ReferencePath;
 use crate::road::RoadNetwork;
+use crate::route::PathPiece;
 
 /// An agent shows its turn from this distance to the fork on [m], or from so long before it at its present speed [s].
 const SHOWN_BEFORE: f64 = 30.0;
@@ -24,28 +25,34 @@ pub struct Turning {
 }
 
 impl Turning {
-    /// Those on a path along lanelets, in its order; also that behind which the path begins.
-    pub(crate) fn along(path: &ReferencePath, lanelets: &[usize], control: &Control, road: &RoadNetwork) -> Vec<Self> {
+    /// Those on a path with its pieces, in its order; also that behind which the path begins.
+    pub(crate) fn along(
+        path: &ReferencePath,
+        pieces: &[PathPiece],
+        control: &Control,
+        road: &RoadNetwork,
+    ) -> Vec<Self> {
         let is_fork = |before: usize, lanelet: usize| {
             let successors = &road.lanelets()[before].successors;
             successors.len() > 1 && successors.contains(&lanelet)
         };
-        let mut before = road.predecessors_straightest_first(lanelets[0]).first().copied();
+        let mut before = road.predecessors_straightest_first(pieces[0].lanelet).first().copied();
         let mut forks = Vec::new();
-        for (place, &lanelet) in lanelets.iter().enumerate() {
+        for (place, &PathPiece { lanelet, .. }) in pieces.iter().enumerate() {
             forks.extend(before.filter(|before| is_fork(*before, lanelet)).map(|before| (place, before)));
             before = Some(lanelet);
         }
         if forks.is_empty() {
             return Vec::new();
         }
-        let stations = stations(path, lanelets, road);
+        let stations = stations(path, pieces, road);
         let turning = |(place, before): (usize, usize)| {
             let station = &stations[place];
-            let others = road.lanelets()[before].successors.iter().copied().filter(|other| *other != station.lanelet);
+            let others =
+                road.lanelets()[before].successors.iter().copied().filter(|other| *other != station.piece.lanelet);
             Self {
                 others: others.collect(),
-                turn: turn(before, station.lanelet, control, road),
+                turn: turn(before, station.piece.lanelet, control, road),
                 start: station.start,
                 end: station.end.min(station.start + SHOWN_BEHIND),
             }
@@ -100,7 +107,7 @@ mod tests {
     fn shown(road: &RoadNetwork, control: &Control, lanelet: usize) -> Turn {
         let center = &road.lanelets()[lanelet].center;
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (center.at(center.length()).x, center.at(center.length()).y)]);
-        let found = Turning::along(&way, &[0, lanelet], control, road);
+        let found = Turning::along(&way, &[0, lanelet].map(PathPiece::whole), control, road);
         assert_eq!(found.len(), 1);
         found[0].turn
     }
@@ -132,7 +139,7 @@ mod tests {
     fn it_is_shown_from_30_m_or_3_s_before_the_fork_until_the_rear_has_left_it() {
         let road = fork();
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)]);
-        let found = Turning::along(&way, &[0, 1], &Control::default(), &road).remove(0);
+        let found = Turning::along(&way, &[0, 1].map(PathPiece::whole), &Control::default(), &road).remove(0);
         // Arc lengths are x and a constant.
         let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
         let is_shown = |x: f64, velocity: f64| found.is_shown(zero + x, zero + x - 4.5, velocity);
@@ -165,7 +172,7 @@ mod tests {
         let road = two_forks();
         let control = Control::default();
         let way = path(&[(0.0, 0.0), (60.0, 0.0), (80.0, -20.0)]);
-        let found = Turning::along(&way, &[0, 1, 3], &control, &road);
+        let found = Turning::along(&way, &[0, 1, 3].map(PathPiece::whole), &control, &road);
         let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
         let shown = |x: f64| Turning::shown(&found, zero + x, zero + x - 4.5, 5.0).map(|one| one.turn);
         for (x, expected) in [
@@ -183,7 +190,7 @@ mod tests {
     fn an_agent_that_starts_behind_a_fork_shows_its_way_there() {
         let road = fork();
         let way = path(&[(50.0, 0.0), (64.0, 6.0), (70.0, 20.0)]);
-        let found = Turning::along(&way, &[2], &Control::default(), &road);
+        let found = Turning::along(&way, &[2].map(PathPiece::whole), &Control::default(), &road);
         assert_eq!((found.len(), found[0].turn, found[0].others.as_slice()), (1, Turn::Left, [1].as_slice()));
     }
 
@@ -205,6 +212,6 @@ mod tests {
             lane(2, &arc((50.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0)),
         ]);
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (70.0, 20.0)]);
-        assert_eq!(Turning::along(&way, &[0, 1], &Control::default(), &road), []);
+        assert_eq!(Turning::along(&way, &[0, 1].map(PathPiece::whole), &Control::default(), &road), []);
     }
 }

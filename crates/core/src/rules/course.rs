@@ -4,7 +4,7 @@ use super::SpeedLimits;
 use crate::geometry::polyline::ReferencePath;
 use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
-use crate::route::Route;
+use crate::route::{PathPiece, Route};
 use crate::vehicle::Vehicle;
 
 /// The areas are made for vehicles of this width [m].
@@ -36,15 +36,22 @@ pub(crate) fn reach(velocity: f64) -> f64 {
     REACH.max(REACH_TIME * velocity)
 }
 
-/// A stretch of the path on a lanelet.
+/// A lanelet beside or on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Station {
-    /// Index of the lanelet.
-    pub lanelet: usize,
-    /// Arc length of its start on the path [m].
+    /// The part of the path that lies in it.
+    pub piece: PathPiece,
+    /// Arc length of the lanelet's start on the path [m].
     pub start: f64,
     /// ... and of its end [m].
     pub end: f64,
+}
+
+impl Station {
+    /// The path lies somewhere between two arc lengths [m] in the lanelet, where a lane change leads into it or out of it.
+    fn is_changed_between(&self, from: f64, to: f64) -> bool {
+        self.piece.is_cut() && from < self.piece.to && to > self.piece.from
+    }
 }
 
 /// An area on the path.
@@ -96,31 +103,34 @@ impl Course {
         let &Vehicle { length, width, .. } = vehicle;
         let lateral = vehicle.cornering(LATERAL);
         let path = &route.path;
-        let stations = stations(path, &route.lanelets, road);
+        let stations = stations(path, &route.pieces, road);
         let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
-        let mut areas: Vec<(Crossed, usize)> = Vec::new();
+        let mut areas: Vec<Crossed> = Vec::new();
         for station in &stations {
-            let lanelet = &road.lanelets()[station.lanelet];
+            let lanelet = &road.lanelets()[station.piece.lanelet];
             let scale = (station.end - station.start) / lanelet.length;
-            for &(index, side) in junctions.of_lanelet(station.lanelet) {
+            for &(index, side) in junctions.of_lanelet(station.piece.lanelet) {
                 let area = &junctions.areas[index];
                 let stretch = area.sides[side];
                 let is_narrow = conflict(junctions, index, width + DESIGN_WIDTH);
                 let middle = 0.5 * (stretch.entry + stretch.exit);
                 let foot = path.project_near(lanelet.center.at(middle), station.start + scale * middle, WINDOW);
-                let is_there = foot.is_some_and(|(_, d)| d.abs() <= ASIDE_MAX);
-                let entry = station.start + scale * stretch.entry - wider;
+                let (first, last) = (station.start + scale * stretch.entry, station.start + scale * stretch.exit);
+                let is_there = match station.piece.is_cut() {
+                    true => station.is_changed_between(first, last),
+                    false => foot.is_some_and(|(_, d)| d.abs() <= ASIDE_MAX),
+                };
+                let entry = first - wider;
                 // Agents leave the road at their goals; without a place as goal it is not a number.
                 let is_beyond_goal = entry > route.goal_exit_s + length;
                 if is_there && is_narrow && !is_beyond_goal && !area.is_side_by_side {
-                    let exit = station.start + scale * stretch.exit + wider;
-                    areas.push((Crossed { area: index, side, entry, exit }, station.lanelet));
+                    areas.push(Crossed { area: index, side, entry, exit: last + wider });
                 }
             }
         }
-        areas.sort_by(|a, b| a.0.entry.total_cmp(&b.0.entry).then(a.0.area.cmp(&b.0.area)));
+        areas.sort_by(|a, b| a.entry.total_cmp(&b.entry).then(a.area.cmp(&b.area)));
         let mut groups: Vec<(f64, Vec<Crossed>)> = Vec::new();
-        for (crossed, _) in areas {
+        for crossed in areas {
             match groups.last_mut() {
                 Some((end, group)) if crossed.entry - *end < length + 2.0 * MARGIN => {
                     *end = end.max(crossed.exit);
@@ -144,7 +154,7 @@ impl Course {
                 end,
                 speed,
                 approach: limits.at(mouth).min(SPEED_MAX),
-                exit: station.map_or(usize::MAX, |station| station.lanelet),
+                exit: station.map_or(usize::MAX, |station| station.piece.lanelet),
                 extra_lead: if areas.iter().any(waits) { SIGN_LEAD } else { 0.0 },
                 junctions: numbers,
                 areas,
@@ -175,25 +185,28 @@ impl Course {
 
     /// Arc length on the path of a place on a lanelet [m], if the path leads over it, the first one from `from` on.
     pub(super) fn place(&self, lanelet: usize, s: f64, from: f64) -> Option<f64> {
-        let on = self.stations.iter().filter(|station| station.lanelet == lanelet);
-        on.map(|station| station.start + s).find(|place| *place >= from)
+        let on = self.stations.iter().filter(|station| station.piece.lanelet == lanelet);
+        on.map(|station| (station, station.start + s))
+            .find(|(station, place)| *place >= from && station.piece.has(*place))
+            .map(|found| found.1)
     }
 
     /// The lanelet at an arc length of the path, and the arc length there [m].
     pub fn lanelet_at(&self, s: f64) -> Option<(usize, f64)> {
-        let station = self.stations.iter().rev().find(|station| station.start <= s)?;
-        Some((station.lanelet, s - station.start))
+        let station = self.stations.iter().rev().find(|station| station.start <= s && station.piece.has(s))?;
+        Some((station.piece.lanelet, s - station.start))
     }
 }
 
-pub(super) fn stations(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Vec<Station> {
-    let mut stations: Vec<Station> = Vec::with_capacity(lanelets.len());
-    for (place, &index) in lanelets.iter().enumerate() {
+pub(super) fn stations(path: &ReferencePath, pieces: &[PathPiece], road: &RoadNetwork) -> Vec<Station> {
+    let mut stations: Vec<Station> = Vec::with_capacity(pieces.len());
+    for (place, &piece) in pieces.iter().enumerate() {
+        let index = piece.lanelet;
         let lanelet = &road.lanelets()[index];
         let first = lanelet.center.at(0.0);
         let start = match (place.checked_sub(1), stations.last()) {
             (Some(before), Some(last)) => {
-                let follows = road.lanelets()[lanelets[before]].successors.contains(&index);
+                let follows = road.lanelets()[pieces[before].lanelet].successors.contains(&index);
                 let expected = if follows { last.end } else { last.start };
                 path.project_near(first, expected, WINDOW).map_or(expected, |foot| foot.0)
             }
@@ -202,7 +215,7 @@ pub(super) fn stations(path: &ReferencePath, lanelets: &[usize], road: &RoadNetw
         let expected = start + lanelet.length;
         let last = lanelet.center.at(lanelet.length);
         let end = path.project_near(last, expected, WINDOW).map_or(expected, |foot| foot.0).max(start + 1e-3);
-        stations.push(Station { lanelet: index, start, end });
+        stations.push(Station { piece, start, end });
     }
     stations
 }

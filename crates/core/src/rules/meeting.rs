@@ -269,8 +269,8 @@ impl Meeting<'_> {
         for (traveller, is_wanted) in self.travellers.iter().zip(is_wanted) {
             near.clear();
             for station in if *is_wanted { &*traveller.course.stations } else { &[] } {
-                let from = on.partition_point(|(lanelet, _)| *lanelet < station.lanelet);
-                near.extend(on[from..].iter().take_while(|one| one.0 == station.lanelet).map(|one| one.1));
+                let from = on.partition_point(|(lanelet, _)| *lanelet < station.piece.lanelet);
+                near.extend(on[from..].iter().take_while(|one| one.0 == station.piece.lanelet).map(|one| one.1));
             }
             near.sort_unstable();
             near.dedup();

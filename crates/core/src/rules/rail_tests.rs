@@ -14,7 +14,7 @@ use crate::geometry::shape::Lcg;
 use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, with_successors};
-use crate::route::Route;
+use crate::route::{PathPiece, Route};
 use crate::vehicle::ParticipantKind;
 
 const DT: f64 = 0.1;
@@ -100,6 +100,7 @@ impl Grid {
         let points: Vec<Point> = lanelets.iter().flat_map(center).collect();
         let path = ReferencePath::through(&points).expect("a path");
         Route {
+            pieces: lanelets.iter().copied().map(PathPiece::whole).collect(),
             lanelets,
             path,
             start_s: 0.0,

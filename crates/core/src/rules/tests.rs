@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use super::*;
+use crate::barrier::BarrierReason;
 use crate::control::{StopLineInput, TrafficLight};
 use crate::road::testing::{lane, open, straight, with_successors};
+use crate::route::PathPiece;
 use crate::scenario::Obstacles;
 
 /// Lanelets 1, from 0 to 100 m, and 2, from there to 200 m with a limit of 8 m/s; the light counts on the way to 2.
@@ -28,7 +30,7 @@ fn path() -> ReferencePath {
 /// The arc length that an agent must not pass, `entered` steps after the start of the light's cycle.
 fn stop(scenario: &Scenario, (time_step, entered): (i64, i64), front: f64, velocity: f64) -> f64 {
     let settings = RulesSettings::default();
-    let way = Way::along(&path(), &[0, 1], scenario, &settings);
+    let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), scenario, &settings);
     let control = &scenario.control;
     let rules = Rules { control, settings: &settings, way: &way, time_step, entered, ..Rules::default() };
     rules.barriers(&way, front, velocity).nearest()
@@ -75,31 +77,31 @@ fn an_agent_that_enters_too_near_to_a_red_light_is_not_held() {
 fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_cannot_stop() {
     let light = scenario(&[(100, Signal::Green), (30, Signal::Yellow), (500, Signal::Red)], false);
     let settings = RulesSettings::default();
-    let way = Way::along(&path(), &[0, 1], &light, &settings);
+    let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &light, &settings);
     let at = |time_step: i64, stop: Stop| {
         let passing = stop.passing();
         Rules { control: &light.control, settings: &settings, way: &way, time_step, passing, ..Rules::default() }
     };
     // 14² / (2 · 27 m) = 3.63 m/s²: it goes on, and slows down for something else.
-    let near = Stop::default().looking(&at(100, Stop::default()), 73.0, 14.0);
+    let near = Stop::default().looking(&at(100, Stop::default()), &way, 73.0, 14.0);
     assert_eq!(near.passing(), Some(0));
     // One that could have stopped, and is faster a step later, does not become too near.
-    assert_eq!(Stop::default().looking(&at(101, Stop::default()), 73.0, 14.0).passing(), None);
+    assert_eq!(Stop::default().looking(&at(101, Stop::default()), &way, 73.0, 14.0).passing(), None);
     // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
     assert!(at(112, Stop::default()).barriers(&way, 88.0, 12.0).nearest().is_finite(), "without memory it brakes hard");
     assert!(at(112, near).barriers(&way, 88.0, 12.0).nearest().is_infinite());
     // 5 m/s, 5 m before it: 2.5 m/s².
     assert!(at(118, near).barriers(&way, 95.0, 5.0).nearest().is_finite(), "it can stop");
-    assert_eq!(near.looking(&at(118, near), 95.0, 5.0).passing(), None, "and then it has to");
-    assert_eq!(near.looking(&at(118, near), 101.0, 12.0).passing(), None, "behind the line it is forgotten");
-    assert_eq!(near.looking(&at(700, near), 88.0, 12.0).passing(), None, "on green, too");
+    assert_eq!(near.looking(&at(118, near), &way, 95.0, 5.0).passing(), None, "and then it has to");
+    assert_eq!(near.looking(&at(118, near), &way, 101.0, 12.0).passing(), None, "behind the line it is forgotten");
+    assert_eq!(near.looking(&at(700, near), &way, 88.0, 12.0).passing(), None, "on green, too");
 }
 
 #[test]
 fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     let scenario = scenario(&[], true);
     let settings = RulesSettings::default();
-    let way = Way::along(&path(), &[0, 1], &scenario, &settings);
+    let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, &settings);
     let control = &scenario.control;
     let mut sign = Stop::default();
     let mut held = 0;
@@ -126,12 +128,12 @@ fn a_right_turn_on_red_waits_as_long_as_a_stop_sign_and_goes_last_until_it_is_be
     let mut scenario = scenario(&[(100, Signal::Red), (20, Signal::Yellow), (10, Signal::Green)], false);
     scenario.control.lines[0].turns_on_red = vec![1];
     let after = |settings: &RulesSettings, time_step: i64, standing: usize, front: f64| {
-        let way = Way::along(&path(), &[0, 1], &scenario, settings);
+        let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, settings);
         let control = &scenario.control;
         let stood = (0..standing).fold(Stop::default(), |stop, _| stop.after(control, &way, 99.0, 0.0));
         let served = stood.served(settings, 0.1);
         let rules = Rules { control, settings, way: &way, time_step, served, ..Rules::default() };
-        (rules.barriers(&way, front, 0.0).nearest().is_finite(), rules.turns_on_red(front))
+        (rules.barriers(&way, front, 0.0).nearest().is_finite(), rules.turns_on_red(&way, front))
     };
     let on = RulesSettings::default();
     assert_eq!(after(&on, 50, 9, 99.0), (true, false), "it has not stood for a second");
@@ -151,7 +153,7 @@ fn switched_off_rules_hold_no_agent() {
         RulesSettings { enabled: false, ..RulesSettings::default() },
         RulesSettings { lights: false, stop_signs: false, ..RulesSettings::default() },
     ] {
-        let way = Way::along(&path(), &[0, 1], &scenario, &settings);
+        let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, &settings);
         let rules = Rules { control: &scenario.control, settings: &settings, way: &way, ..Rules::default() };
         assert_eq!(rules.barriers(&way, 50.0, 5.0).nearest(), f64::INFINITY);
     }
@@ -162,7 +164,7 @@ fn a_speed_limit_holds_on_its_lanelet_times_the_factor() {
     let scenario = scenario(&[], false);
     for (speed, factor, expected) in [(true, 1.0, 8.0), (true, 1.25, 10.0), (false, 1.0, f64::INFINITY)] {
         let settings = RulesSettings { speed, speed_factor: factor, ..RulesSettings::default() };
-        let limits = Way::along(&path(), &[0, 1], &scenario, &settings).limits;
+        let limits = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, &settings).limits;
         assert_eq!((limits.at(50.0), limits.at(150.0)), (f64::INFINITY, expected));
     }
 }
@@ -171,7 +173,7 @@ fn a_speed_limit_holds_on_its_lanelet_times_the_factor() {
 fn a_crosswalk_holds_like_a_line_whatever_is_before_it() {
     let light = scenario(&[(1000, Signal::Red)], false);
     let settings = RulesSettings::default();
-    let way = Way::along(&path(), &[0, 1], &light, &settings);
+    let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &light, &settings);
     for (crosswalk, expected) in [(20.0, 80.0), (60.0, 100.0)] {
         let mut told = Barriers::NONE;
         told.push(Barrier::lasting(7.0 + crosswalk, BarrierReason::Crosswalk));

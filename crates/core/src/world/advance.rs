@@ -246,7 +246,10 @@ impl World {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
             drive.follow_path(&state, dt);
-            drive.stop = drive.stop.after(control, &drive.way, drive.front(), state.velocity);
+            if !control.lines.is_empty() {
+                let (way, front) = drive.way_below(&state);
+                drive.stop = drive.stop.after(control, way, front, state.velocity);
+            }
             if let Some(kind) = drive.judge(&state, time_step, &settings) {
                 drive.outcome.kind = kind;
             }
@@ -303,7 +306,8 @@ impl World {
         for index in 0..self.drives.len() {
             let drive = &self.drives[index];
             if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
-                let stop = drive.stop.looking(&self.lines(drive), drive.front(), state.velocity.max(0.0));
+                let (way, front) = drive.way_below(&state);
+                let stop = drive.stop.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
                 self.drives[index].stop = stop;
             }
         }

@@ -22,6 +22,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use crate::barrier::Barriers;
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
+use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::plan::frenet::{self, CostWeights};
 use crate::plan::{Planner, PlanningMemory, Prepared};
@@ -153,6 +154,17 @@ impl Drive {
             }
         }
         self.s + self.agent.vehicle.rear_axle_to_center + half
+    }
+
+    /// What the rules say about the lane in which it is, and the arc length of its front there [m]: agents that change lanes
+    /// by themselves are not always in that of the reference path.
+    fn way_below(&self, state: &State) -> (&Way, f64) {
+        let vehicle = &self.agent.vehicle;
+        let pose = state.pose();
+        let axle = Pose { position: vehicle.rear_axle_from_center(pose), ..pose };
+        let found = self.prepared.way_below(axle);
+        let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
+        found.map_or_else(|| (&*self.way, self.front()), |(way, s)| (way, s + to_front))
     }
 
     /// Last time step of the grace period.

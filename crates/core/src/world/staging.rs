@@ -32,7 +32,7 @@ impl StagedAgent {
     /// # Errors
     /// `InvalidInput` if its planner needs a recording that is not there.
     pub(crate) fn new(agent: Agent, scenario: &Scenario) -> Result<Self> {
-        let way = Arc::new(Way::along(&agent.route.path, &agent.route.lanelets, scenario, &agent.rules));
+        let way = Arc::new(Way::along(&agent.route.path, &agent.route.pieces, scenario, &agent.rules));
         let start_s = axle_s(&agent, agent.route.start_s);
         let course = Arc::new(ordering::course(&agent, scenario, &way));
         Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), way, course, start_s, agent: Arc::new(agent) })

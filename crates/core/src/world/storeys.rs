@@ -46,6 +46,9 @@ impl World {
 fn height_of_way(road: &RoadNetwork, route: &Route, pose: Pose) -> Option<f64> {
     let (s, _) = route.path.project(pose.position)?;
     let place = route.path.at(s).position;
-    let lanelet = road.lanelets_at(place).into_iter().find(|lanelet| route.lanelets.contains(lanelet))?;
+    let lanelet = road
+        .lanelets_at(place)
+        .into_iter()
+        .find(|lanelet| route.pieces.iter().any(|piece| piece.lanelet == *lanelet))?;
     road.height_of(lanelet, place)
 }

@@ -15,9 +15,10 @@ use super::super::lanes::{AIM, Aim, Lanes, Need};
 use super::super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::super::{LaneChange, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
+use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
-use crate::rules::{Rules, RulesSettings};
+use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 
 /// Lag vehicles must not have to brake harder than this [m/s²] ...
@@ -107,6 +108,11 @@ impl LaneRoutes {
         let Some(aim) = self.lanes.aimed_at(request, AIM).filter(leads_on) else { return *request };
         let (aim, lane_change) = self.choose(request, &settings.comfort, aim);
         PlanRequest { lane_change, ..self.on(request, aim) }
+    }
+
+    /// As `Lanes::way_below`.
+    pub(in crate::plan) fn way_below(&self, rear_axle: Pose) -> Option<(&Way, f64)> {
+        self.lanes.way_below(rear_axle)
     }
 
     fn on<'a>(&'a self, request: &PlanRequest<'a>, aim: Aim) -> PlanRequest<'a> {

@@ -20,7 +20,7 @@ use crate::geometry::{Point, Pose};
 use crate::plan::{LaneChange, Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
-use crate::route::Route;
+use crate::route::{PathPiece, Route};
 use crate::rules::{Rules, RulesSettings};
 use crate::scenario::{Goal, GoalState};
 use crate::trajectory::{Predictions, State, Trajectory};
@@ -96,6 +96,7 @@ impl Drive {
             shape: Shape::rectangle(vehicle.length, vehicle.width),
             route: Route {
                 lanelets: vec![0],
+                pieces: vec![PathPiece::whole(0)],
                 path,
                 start_s: s,
                 goal_entry_s: f64::NAN,
