@@ -34,11 +34,11 @@ class Obeys:
         for step in range(30):
             front, v = center + to_front + along[-1], velocity[-1]
             limit = min(self.cruise, float(np.interp(front, knots, ego.speed_limit)))
-            gaps = []  # with the speeds of what is ahead
+            gaps: list[tuple[float, float]] = []  # with the speeds of what is ahead
             if leader is not None:
                 gaps.append((rears[leader] + away[leader] * step * dt - front, away[leader]))
-            if step * dt < ego.stop_release:
-                gaps.append((ego.stop_s + 1.5 - front, 0.0))  # a gap of 2 m is 0.5 m before the line
+            closed = ego.barriers.s[step * dt < ego.barriers.until]
+            gaps.extend((s + 1.5 - front, 0.0) for s in closed)  # a gap of 2 m is 0.5 m before the line
             wanted = [2.0 + max(0.0, v + v * (v - other) / 4.0) for _, other in gaps]
             pressure = max((w / max(gap, 0.1) for w, (gap, _) in zip(wanted, gaps, strict=True)), default=0.0)
             acceleration = np.clip(2.0 * (1.0 - (v / limit) ** 4 - pressure**2), -6.0, 1.5)

@@ -349,3 +349,38 @@ fn what_is_cut_off_stays_drivable() {
     ]);
     assert!(road.is_on_road(Point::new(104.0, 3.8)) && !road.is_on_road(Point::new(106.0, 3.8)));
 }
+
+/// Ids of the lanelets of the pieces, and where the path changes from one lane into the next [x, m].
+fn pieces(road: &RoadNetwork, route: &Route) -> (Vec<i64>, Vec<f64>) {
+    let ids = route.pieces.iter().map(|piece| road.lanelets()[piece.lanelet].id).collect();
+    let changes = route.pieces.iter().filter(|piece| piece.from.is_finite());
+    (ids, changes.map(|piece| route.path.at(piece.from).position.x).collect())
+}
+
+#[test]
+fn the_pieces_of_a_path_are_the_lanelets_in_which_it_lies_whatever_the_route_names() {
+    // Lanes of 50 m; a change takes 40 m at 10 m/s.
+    let road = sections(5, 50.0);
+    for (start, goal, expected, changes) in [
+        (10.0, (240.0, 0.0), vec![11, 21, 31, 41, 51], vec![]),
+        // It begins at once: half-way at 30 m.
+        (10.0, (240.0, LANE_WIDTH), vec![11, 12, 22, 32, 42, 52], vec![30.0]),
+        // The route changes before 50 m, the path at 55 m.
+        (35.0, (240.0, LANE_WIDTH), vec![11, 21, 22, 32, 42, 52], vec![55.0]),
+        (35.0, (240.0, 2.0 * LANE_WIDTH), vec![11, 21, 22, 23, 33, 43, 53], vec![55.0, 95.0]),
+    ] {
+        let found = route(&road, Pose::new(start, 0.0, 0.0), &[box_at(goal.0, goal.1, 10.0, 3.0)]);
+        let (ids, places) = pieces(&road, &found);
+        assert_eq!(ids, expected, "from {start} m");
+        assert_eq!(places.len(), changes.len());
+        assert!(places.iter().zip(changes).all(|(place, x)| (place - x).abs() < 0.5), "{places:?}");
+        for pair in found.pieces.windows(2) {
+            assert!(pair[0].to == pair[1].from || (pair[0].to.is_infinite() && pair[1].from.is_infinite()));
+        }
+        let lies_in = |s: f64, piece: &PathPiece| {
+            piece.has(s) && road.lanelets_at(found.path.at(s).position).contains(&piece.lanelet)
+        };
+        let on_road = (0..(240.0 - start) as usize).map(|i| found.start_s + i as f64);
+        assert!(on_road.into_iter().all(|s| found.pieces.iter().any(|piece| lies_in(s, piece))));
+    }
+}
