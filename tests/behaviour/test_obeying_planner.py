@@ -71,6 +71,37 @@ def enters(run, number):
     return 0.1 * float(np.argmax(along + HALF > -1.1))
 
 
+class Reads(Ignores):
+    """Keeps its speed, and what its view says about barriers at the first step."""
+
+    obeys_rules = True
+    seen: tuple[Any, ...] = ()
+
+    def plan(self, view: Any, predictions: Any) -> idr.Trajectory:
+        type(self).seen = type(self).seen or (view.ego,)
+        return super().plan(view, predictions)
+
+
+def test_a_planner_is_told_of_every_barrier_and_of_the_hardest_one():
+    """It gives way at a crossing, behind which a light is red; both are seen from the same place."""
+
+    class Reader(Reads):
+        pass
+
+    scenario = met(car(1, (0, 1), 38.0, 8.0), car(2, (1, 0), 30.0), priorities=Priorities(ranks=((1, (2, 2, 2)),)))
+    line = StopLine(1, np.array([[20.0, 1.75], [20.0, -1.75]]), ((1, (7,)),))
+    red = (TrafficLight(7, (("red", 900), ("green", 100))),)
+    scenario = replace(scenario, stop_lines=(line,), traffic_lights=red)
+    idr.simulate(scenario, agents="all", planner={1: "frenet", 2: Reader()}, settings=RULES, threads=1)
+    ego = Reader.seen[0]
+    found = ego.barriers
+    front = ego.s + ego.vehicle.rear_axle_to_center + HALF
+    assert (len(found), found.reason, found.by_id.tolist()) == (2, ("yield", "light"), [1, -1])
+    assert found.s - front == pytest.approx([30.0 - 0.4 - 1.75 + 0.9, 50.0], abs=1.0)
+    assert found.until[0] < 6.0 and np.isinf(found.until[1])
+    assert (ego.stop_s, ego.stop_by) == (found.s[0], 1)
+
+
 def light(*phases):
     """A light at x = 100 m and an agent that comes with 10 m/s from 60 m before it."""
     agent = problem(1, 40.0 - HALF, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 250))
@@ -135,7 +166,8 @@ def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
         check_planner(Promises)
     texts = [str(warning.message) for warning in caught]
     assert texts[0].startswith("a red light") and texts[0].endswith("breaks red_light")
-    assert texts[1].startswith("a sign to give way") and texts[1].endswith("breaks right_of_way")
+    assert texts[1].startswith("a red light behind a lane change") and texts[1].endswith("breaks red_light")
+    assert texts[2].startswith("a sign to give way") and texts[2].endswith("breaks right_of_way")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_planner(obeys)

@@ -51,8 +51,8 @@ class Planner(Protocol):
     exception or returns an invalid trajectory, only its own agent ends, with outcome `planner_error`.
 
     Set `parallel = True` in a class if its objects are independent of each other: they run in separate processes, as
-    many at a time as the run has threads, with the same results. Set `obeys_rules = True` if your planner stops where
-    `view.ego.stop_s` says: its agents then get orders at junctions (`rules.precedence`), and others count on it.
+    many at a time as the run has threads, with the same results. Set `obeys_rules = True` if your planner stops before
+    `view.ego.barriers`: its agents then get orders at junctions (`rules.precedence`), and others count on it.
     """
 
     def plan(self, view: View, predictions: Predictions) -> Trajectory:

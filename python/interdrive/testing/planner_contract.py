@@ -85,12 +85,16 @@ def _worlds_with_rules() -> dict[str, Scenario]:
     line = StopLine(1, np.array([[80.0, 1.75], [80.0, -1.75]]), ((1, (7,)),))
     road = straight_road(300.0)
     met = problem(1, 0.0, -45.0, 8.0, 0.5 * np.pi, goal=(0.0, 60.0), goal_size=(3.5, 10.0), time_step=limits)
+    change = problem(100, 10.0, goal=(150.0, 3.5), time_step=limits)
+    lines = tuple(
+        StopLine(k + 1, np.array([[80.0, 3.5 * k + 1.75], [80.0, 3.5 * k - 1.75]]), ((k + 1, (7,)),)) for k in range(2)
+    )
+    red = (TrafficLight(7, (("red", 100), ("green", 900))),)
     cross = world(crossing(), problems=[met, problem(100, -45.0, velocity=8.0, goal=(60.0, 0.0), time_step=limits)])
     return {
-        "a red light": replace(
-            world(road, problems=[goal]),
-            traffic_lights=(TrafficLight(7, (("red", 100), ("green", 900))),),
-            stop_lines=(line,),
+        "a red light": replace(world(road, problems=[goal]), traffic_lights=red, stop_lines=(line,)),
+        "a red light behind a lane change": replace(
+            world(straight_road(300.0, lanes=2), problems=[change]), traffic_lights=red, stop_lines=lines
         ),
         "a sign to give way": replace(cross, priorities=Priorities(ranks=((1, (2, 2, 2)),))),
     }
@@ -171,8 +175,8 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
 
     The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
     of speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
-    planner with `parallel = True` must be picklable. One with `obeys_rules = True` also drives to a red light and to a
-    sign to give way; a rule that it breaks there is a warning.
+    planner with `parallel = True` must be picklable. One with `obeys_rules = True` also drives to a red light, to one
+    behind a lane change, and to a sign to give way; a rule that it breaks there is a warning.
 
     Args:
         factory: Makes a planner; called without arguments, once or more per world.
