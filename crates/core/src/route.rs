@@ -172,14 +172,15 @@ pub fn find_route(
 
 /// The lanelets of a corridor with the arc lengths on its smooth path at which the lane changes.
 fn pieces(path: &ReferencePath, corridor: &Corridor) -> Vec<PathPiece> {
-    let changes = |changed: &Option<(Point, f64)>| changed.map(|(point, hint)| near_hint(path, point, hint));
-    let entered: Vec<Option<f64>> = corridor.lanelets.iter().map(|(_, changed)| changes(changed)).collect();
-    let piece = |(i, (lanelet, _)): (usize, &(usize, Option<(Point, f64)>))| PathPiece {
-        lanelet: *lanelet,
-        from: entered[i].unwrap_or(f64::NEG_INFINITY),
-        to: entered.get(i + 1).copied().flatten().unwrap_or(f64::INFINITY),
-    };
-    corridor.lanelets.iter().enumerate().map(piece).collect()
+    let mut pieces: Vec<PathPiece> = Vec::with_capacity(corridor.lanelets.len());
+    for (lanelet, changed) in &corridor.lanelets {
+        let from = changed.map(|(point, hint)| near_hint(path, point, hint));
+        if let (Some(from), Some(before)) = (from, pieces.last_mut()) {
+            before.to = from;
+        }
+        pieces.push(PathPiece { from: from.unwrap_or(f64::NEG_INFINITY), ..PathPiece::whole(*lanelet) });
+    }
+    pieces
 }
 
 /// Arc length of a point on the path, near where it is on the centre lines.
