@@ -28,9 +28,10 @@ _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
+    "COMFORTABLE_DECELERATION",
     "COMMITTED",
     "DESIGN_WIDTH",
-    "LIGHT_DECELERATION",
+    "JUDGED_STANDSTILL_SPEED",
     "MEETING_MARGIN",
     "NEURAL",
     "PLAN_POINTS_MAX",
@@ -38,6 +39,7 @@ __all__ = [
     "REACH",
     "REACH_TIME",
     "REWARDS",
+    "STANDSTILL_SPEED",
     "STOP_REACH",
     "Agent",
     "Ego",
@@ -86,8 +88,12 @@ __version__: str
 PLAN_POINTS_MAX: int
 #: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
-#: Lights are obeyed where stopping takes no more than this [m/s²]; stops count so far before the line of a sign [m].
-LIGHT_DECELERATION: float
+#: How vehicles drive, as in `conduct.rs`: comfortable braking [m/s²]; an agent stands below the first speed, and stood
+#: below the second for who judges a run [m/s].
+COMFORTABLE_DECELERATION: float
+STANDSTILL_SPEED: float
+JUDGED_STANDSTILL_SPEED: float
+#: Stops count so far before the line of a sign [m].
 STOP_REACH: float
 #: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH`
 #: [m] or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].

@@ -5,6 +5,7 @@ pub mod simd;
 pub mod error;
 pub mod settings;
 pub mod limits;
+pub mod conduct;
 pub mod geometry;
 pub mod trajectory;
 pub mod vehicle;

@@ -25,6 +25,7 @@ pub use crosswalks::{Crosswalk, Person};
 pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller, Unseen, Yielding};
 pub(crate) use windows::{EARLY, LATE, travel_time};
 
+use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED};
 use std::sync::LazyLock;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
@@ -40,10 +41,6 @@ use crate::settings::{between, positive, settings};
 const SPACING: f64 = 2.0;
 /// Stop lines reach beyond their ends by this [m]: paths do not keep to the middle of a lane.
 const LINE_MARGIN: f64 = 1.0;
-/// A light that turns yellow is obeyed if stopping takes no more than this deceleration [m/s²].
-pub const LIGHT_DECELERATION: f64 = 3.0;
-/// A vehicle stands before a line if it is slower than this [m/s].
-const STANDING: f64 = 0.1;
 /// An agent that has turned right on red goes last until its front is so far behind the line [m].
 const BEHIND_LINE: f64 = 15.0;
 /// A stop counts at most so far before the line [m].
@@ -318,7 +315,7 @@ impl Rules<'_> {
     /// nearest light that hold the agent, and what it was told, as far ahead as on its reference path.
     ///
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
-    /// `LIGHT_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
+    /// `COMFORTABLE_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
     /// long as it still cannot stop.
     pub fn barriers(&self, way: &Way, front: f64, velocity: f64) -> Barriers {
         let mut found = Barriers::NONE;
@@ -355,7 +352,7 @@ impl Rules<'_> {
     /// So many time steps ago the agent could have stopped before a line, at its present speed.
     fn could_stop(&self, crossing: &Crossing, front: f64, velocity: f64, steps: i64) -> bool {
         let before = crossing.s - front + velocity * steps as f64 * self.dt;
-        velocity * velocity <= 2.0 * LIGHT_DECELERATION * before
+        velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * before
     }
 
     fn since_entry(&self) -> i64 {
@@ -403,7 +400,7 @@ impl Stop {
         let near = way.crossings.iter().filter(counts).find(|one| one.s > front && one.s - front <= STOP_REACH);
         let standing = near.map(|&Crossing { line, .. }| {
             let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
-            (line, steps + usize::from(velocity.abs() <= STANDING))
+            (line, steps + usize::from(velocity.abs() <= STANDSTILL_SPEED))
         });
         Self { standing, ..self }
     }

@@ -21,6 +21,7 @@ mod view;
 mod world;
 mod worlds;
 
+use interdrive_core::conduct;
 use interdrive_core::control::{Signal, Turn};
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
@@ -57,7 +58,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
     module.add("PLAN_POINTS_MAX", PLAN_POINTS_MAX)?;
-    module.add("LIGHT_DECELERATION", rules::LIGHT_DECELERATION)?;
+    module.add("COMFORTABLE_DECELERATION", conduct::COMFORTABLE_DECELERATION)?;
+    module.add("STANDSTILL_SPEED", conduct::STANDSTILL_SPEED)?;
+    module.add("JUDGED_STANDSTILL_SPEED", conduct::JUDGED_STANDSTILL_SPEED)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
     module.add("COMMITTED", rules::COMMITTED)?;
     module.add("DESIGN_WIDTH", rules::DESIGN_WIDTH)?;

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from interdrive import _core
 from interdrive.scenario import STATE_FIELDS
 from interdrive.scenario.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
 
 Floats = NDArray[np.float64]
 
 #: Below this speed [m/s] the heading cannot be derived from the direction of motion.
-STANDING_SPEED = 0.1
+_STANDING = _core.STANDSTILL_SPEED
 #: Two states of one time step that are closer than this [m] count as one.
 SAME_PLACE = 0.01
 
@@ -108,7 +109,7 @@ def _rate(values: Floats, time: Floats) -> Floats:
 
 
 def _heading_of_motion(x_dot: Floats, y_dot: Floats) -> Floats:
-    moving = np.hypot(x_dot, y_dot) > STANDING_SPEED
+    moving = np.hypot(x_dot, y_dot) > _STANDING
     if not moving.any():
         return np.zeros_like(x_dot)
     heading = np.arctan2(y_dot, x_dot)

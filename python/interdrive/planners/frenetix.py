@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import MissingExtraError, check_between
 from interdrive.native_settings import FrenetWeights
 from interdrive.planners.arrival import arrival_velocity, braking_along_arc
@@ -43,8 +44,6 @@ if TYPE_CHECKING:
 _BEHIND, _AHEAD = 10.0, 120.0
 #: Headings are passed to the library within this angle of its x axis [rad]; it wraps them at half a turn.
 _HEADING_MAX = 2.6
-#: Below this speed an agent without an admissible sample stands [m/s].
-_STANDING = 0.1
 #: The library considers participants nearer than this to the agent's box [m] (squared: 50 m²).
 _COST_REACH = 7.1
 #: The largest sampled end speed [m/s].
@@ -250,7 +249,7 @@ class Frenetix:
                 return plan
             refused.append(plan)
         n = round(self.horizon / view.dt) + 1
-        if view.ego.velocity <= _STANDING:
+        if view.ego.velocity <= _core.STANDSTILL_SPEED:
             return _Plan.braking(view, n, view.ego.velocity / view.dt)
         if refused:  # the slowest, soonest, straightest one, even if it leads to a contact: "stopping" in the original
             return min(refused, key=lambda plan: (plan.ends[1], plan.ends[0], abs(plan.ends[2] - offset)))

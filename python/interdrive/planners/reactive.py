@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import MissingExtraError, check_between
 from interdrive.planners.arrival import arrival_velocity, braking_along_arc
 from interdrive.planners.contract import Trajectory
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
 
 #: Edges of the road are boxes of this half width [m].
 _EDGE = 0.005
-#: Below this speed an agent without a trajectory stands [m/s].
-_STANDING = 0.1
 #: The acceleration at the start is limited to this share of the limit: the library tests it, too, and would find no way
 #: out of full braking.
 _START_SHARE = 0.95
@@ -124,12 +123,12 @@ class Reactive:
         desired = arrival_velocity(view, self.arrival_reserve) if self.arrive_in_time else None
         planner.set_desired_velocity(desired_velocity=desired, current_speed=max(ego.velocity, 1e-3))
         found = _asked(planner)
-        if found is not None and ego.velocity <= _STANDING and not planner.infeasible_count_collision:
+        if found is not None and ego.velocity <= _core.STANDSTILL_SPEED and not planner.infeasible_count_collision:
             found = self._start_off(planner, found)
         n = round(self.horizon / view.dt) + 1
         if found is not None:
             plan = _in_world(found[0].state_list, ego)
-        elif ego.velocity <= _STANDING:
+        elif ego.velocity <= _core.STANDSTILL_SPEED:
             plan = braking_along_arc(view, n, ego.velocity / view.dt)
         else:
             plan = braking_along_arc(view, n, ego.vehicle.acceleration_max)
@@ -143,7 +142,7 @@ class Reactive:
         may steer gently enough to start off.
         """
         for level in range(2, self.level + 1):
-            if found[0].state_list[-1].velocity > _STANDING or planner.infeasible_count_collision:
+            if found[0].state_list[-1].velocity > _core.STANDSTILL_SPEED or planner.infeasible_count_collision:
                 break
             found = _asked(planner, level) or found
         return found
@@ -217,7 +216,7 @@ def _asked(planner: Any, level: int | None = None) -> Any:  # noqa: ANN401 - Rea
         return planner.plan(level)
     except TypeError:
         # If it stands and no sample is feasible it chooses to stay, but fails to format its own log line.
-        if planner.x_0.velocity > _STANDING:
+        if planner.x_0.velocity > _core.STANDSTILL_SPEED:
             raise
         return None
 

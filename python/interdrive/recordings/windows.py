@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.recordings.headings import HeadingOffset, heading_offset, turned
 from interdrive.recordings.repair import with_overlaps
@@ -31,8 +32,6 @@ if TYPE_CHECKING:
 _SAME_ROAD = 1e-6
 #: A vehicle continues if it is nearer than this [m] to where its speeds lead.
 _RESIDUAL_MAX = 0.6
-#: What is slower than this [m/s] stands, and tells no order.
-_STANDING = 0.1
 #: Sizes that differ by more than this [m] are those of different vehicles.
 _SAME_SIZE = 1e-6
 #: Ids that a note or an error names.
@@ -244,7 +243,7 @@ def _joins(before: _Window, after: Scenario, angle: float) -> list[_Join]:
         for o, row, column in ((a, rows[0], -1), (b, rows[1], 0))
     )
     residuals = _residual(from_, to, angle, after.dt)
-    moves = np.abs(from_["velocity"]) > _STANDING
+    moves = np.abs(from_["velocity"]) > _core.STANDSTILL_SPEED  # what stands tells no order
     return [_Join(*values) for values in zip(ids.tolist(), residuals.tolist(), moves.tolist(), strict=True)]
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.record import PLAN_STATUS
 from interdrive.scenario import SIGNALS
 from interdrive.scenario.control import shown_together
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
 
 PhaseKind: TypeAlias = Literal["driving", "slowing", "standing", "emergency braking"]
-
-#: Slower vehicles stand [m/s].
-STANDING_SPEED = 0.2
 
 #: An agent that decelerates by more than this slows [m/s²].
 _SLOWING = 1.0
@@ -136,7 +134,7 @@ def _kinds(run: RunRecord, row: int, columns: Ints) -> list[PhaseKind]:
     emergency = np.isin(columns + states.first_time_step, emergency_steps(run, int(states.participant_id[row])))
     kinds: list[PhaseKind] = []
     for v, a, braking in zip(speed.tolist(), acceleration.tolist(), emergency.tolist(), strict=True):
-        if v < STANDING_SPEED:
+        if v < _core.JUDGED_STANDSTILL_SPEED:
             kinds.append("standing")
         elif braking:
             kinds.append("emergency braking")

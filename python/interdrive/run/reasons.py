@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.contact import contact_between
 from interdrive.run.goals import approach, inside, said_time
-from interdrive.run.phases import STANDING_SPEED, emergency_steps, phases
+from interdrive.run.phases import emergency_steps, phases
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive import _core
     from interdrive.run.contact import Contact
     from interdrive.run.phases import Phase
     from interdrive.run.record import AgentRecord, RunRecord
@@ -250,7 +250,7 @@ def _collision(run: RunRecord, place: int) -> str:
         what = ", which is static"
     else:
         column = max(time_step - 1 - states.first_time_step, 0)
-        stands = abs(float(states.velocity[other, column])) < STANDING_SPEED
+        stands = abs(float(states.velocity[other, column])) < _core.JUDGED_STANDSTILL_SPEED
         what = ", which replays its recording" + (" and stood" if stands else "")
     return f"{text}{how_fast}{what}"
 
@@ -258,7 +258,7 @@ def _collision(run: RunRecord, place: int) -> str:
 def _touched(contact: Contact, name: str) -> str:
     """Who moved into whom, and with which sides."""
     own, theirs = contact.sides
-    moves, comes = (approach > STANDING_SPEED for approach in contact.approach)
+    moves, comes = (approach > _core.JUDGED_STANDSTILL_SPEED for approach in contact.approach)
     ends, sides = ("front", "rear"), ("left", "right")
     at_own = f"on its {own} side" if own in sides else f"at its {own}"
     if own in sides and theirs in sides:

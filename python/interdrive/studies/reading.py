@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.goals import said_time
-from interdrive.run.phases import STANDING_SPEED
 from interdrive.studies.lateral import lateral_offsets
 from interdrive.studies.measures import collided, footprint_distances
 
@@ -65,8 +65,8 @@ def _reaction(study: CaseStudy, run: Run) -> str:
 
 def _slowness(slowest: float, recorded: float) -> str:
     """The lowest speed beside the recorded one [m/s]: only a lower one says that the vehicle reacts by slowing."""
-    stops = slowest < STANDING_SPEED
-    if f"{slowest:.1f}" == f"{recorded:.1f}" or (stops and recorded < STANDING_SPEED):
+    stops = slowest < _core.JUDGED_STANDSTILL_SPEED
+    if f"{slowest:.1f}" == f"{recorded:.1f}" or (stops and recorded < _core.JUDGED_STANDSTILL_SPEED):
         return "stops, as in its recording" if stops else f"drives at least {slowest:.1f} m/s, as in its recording"
     if slowest - recorded > _WORTH_TELLING_SPEED:
         text = f"does not slow below {slowest:.1f} m/s"

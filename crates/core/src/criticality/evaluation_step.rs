@@ -1,5 +1,6 @@
 //! One judged vehicle at one time step: the participants around it, which of them count, and what it follows.
 
+use crate::conduct::STATIONARY_SPEED;
 use std::cell::OnceCell;
 
 use super::formulas;
@@ -12,8 +13,6 @@ use crate::geometry::{Point, wrap_angle};
 
 /// Recorded footprints are this inexact [m]: bodies that overlap less were beside each other.
 const GRAZE: f64 = 0.3;
-/// Slower participants stand [m/s]: they are in the way whichever way they point.
-const STANDING: f64 = 0.5;
 
 /// Everything that does not change from one moment to the next.
 pub(super) struct Context<'a> {
@@ -297,7 +296,7 @@ impl<'a> Moment<'a> {
             |time: f64| foot.d - own.d + (velocity.1 - own.velocity.1) * time + 0.5 * acceleration.1 * time * time;
         let (left, right) = (extents.left + own.extents.right, extents.right + own.extents.left);
         let speed = traffic.states.velocity[i];
-        let is_along = cos.abs() >= ALONG.cos() || speed.abs() < STANDING;
+        let is_along = cos.abs() >= ALONG.cos() || speed.abs() < STATIONARY_SPEED;
         let time = if ttc.is_finite() { ttc.min(settings.ttc_threshold) } else { 0.0 };
         // Oncoming traffic whose lane crosses the path follows its own lane, not the bends of the path.
         let straight = || own.path.curve.project(position + heading * (speed * time), settings.radius);

@@ -7,8 +7,6 @@
 use crate::settings::{between, positive, settings};
 use crate::vehicle::Vehicle;
 
-/// A leader slower than this is stationary, whatever its heading [m/s].
-pub(super) const LEADER_STATIONARY_SPEED: f64 = 0.5;
 /// A moving leader heads within 60 degrees of the path (cosine).
 pub(super) const LEADER_HEADING_COSINE: f64 = 0.5;
 

@@ -7,6 +7,7 @@
 //! how circles of waits are broken in `circles`.
 
 use crate::barrier::Barrier;
+use crate::conduct::{COMFORTABLE_DECELERATION, CRAWLING_SPEED};
 use std::collections::BTreeMap;
 
 use super::claims::{Answer, Bookings, Claim};
@@ -20,12 +21,9 @@ pub const COMMITTED: f64 = 4.0;
 /// Tickets are taken at this distance beyond the braking distance [m], with this deceleration [m/s²].
 const TICKET_REACH: f64 = 5.0;
 const STICKY_REACH: f64 = 10.0;
-const BRAKING: f64 = 3.0;
 /// An agent that was granted passage keeps it with gaps that are smaller by this [s].
 pub(crate) const STICKY_LEAD: f64 = 0.3;
 pub(crate) const STICKY_LAG: f64 = 0.15;
-/// One that moves slower than this blocks its lane [m/s].
-const BLOCKING: f64 = 1.0;
 
 impl Meeting<'_> {
     /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
@@ -198,7 +196,7 @@ impl Meeting<'_> {
         let passage = &traveller.course.passages[number];
         let memory = traveller.memory_of(number);
         let to_wait = passage.mouth - GAP - traveller.front;
-        let braking = 0.5 * body.velocity * body.velocity / BRAKING;
+        let braking = 0.5 * body.velocity * body.velocity / COMFORTABLE_DECELERATION;
         Claim {
             traveller: index,
             body: traveller.body,
@@ -229,7 +227,7 @@ impl Meeting<'_> {
                 match by_body.get(&other.body) {
                     Some(other) => ahead.push(*other),
                     None if other.front > mouth => continue,
-                    None => is_blocked |= self.bodies[other.body].velocity < BLOCKING,
+                    None => is_blocked |= self.bodies[other.body].velocity < CRAWLING_SPEED,
                 }
                 if (other.front, other.body) < nearest {
                     nearest = (other.front, other.body);
@@ -239,7 +237,7 @@ impl Meeting<'_> {
             let velocity = self.bodies[traveller.body].velocity;
             let is_first = ahead.is_empty() && !is_blocked;
             let to_wait = claim.passage.mouth - GAP - traveller.front;
-            if is_first && to_wait <= 0.5 * velocity * velocity / BRAKING + TICKET_REACH {
+            if is_first && to_wait <= 0.5 * velocity * velocity / COMFORTABLE_DECELERATION + TICKET_REACH {
                 claim.ticket = claim.ticket.or(Some(self.time_step));
             }
             claim.ahead = (!is_blocked).then_some(ahead);

@@ -2,9 +2,8 @@
 
 use super::components::components;
 use super::meeting::{Meeting, Order, OrderKind, Queues, Traveller};
+use crate::conduct::STANDSTILL_SPEED;
 
-/// A vehicle stands below this speed [m/s].
-const STANDING: f64 = 0.1;
 /// One that stands this near behind another vehicle waits for it [m].
 const NEAR: f64 = 3.0;
 /// No second exception in the same circle within this time [s].
@@ -54,7 +53,7 @@ impl Meeting<'_> {
     /// It has stood for long.
     pub(super) fn is_stuck(&self, traveller: &Traveller<'_>) -> bool {
         let needed = traveller.settings.circle_after / self.dt;
-        self.bodies[traveller.body].velocity < STANDING && traveller.memory.standing as f64 >= needed
+        self.bodies[traveller.body].velocity < STANDSTILL_SPEED && traveller.memory.standing as f64 >= needed
     }
 
     /// The nearest body ahead on the path of a traveller, if it is near.

@@ -4,10 +4,8 @@ use super::arbitration::COMMITTED;
 use super::claims::{Answer, Claim};
 use super::course::{Crossed, GAP, MARGIN};
 use super::meeting::{Booking, Meeting, OrderKind};
+use crate::conduct::STANDSTILL_SPEED;
 use crate::junctions::AreaKind;
-
-/// An agent stands below this speed [m/s].
-const STANDING: f64 = 0.1;
 
 impl Meeting<'_> {
     /// An agent sees all that could not stop at the other end any more. Where that is never so, it need not. One that stands
@@ -21,7 +19,7 @@ impl Meeting<'_> {
         let reach = traveller.sight - self.bodies[claim.body].length;
         let needed = 0.5 * passage.approach * passage.approach / COMMITTED;
         let sees_from = |front: f64| reach - (end - front) >= needed;
-        let stands = self.bodies[claim.body].velocity < STANDING;
+        let stands = self.bodies[claim.body].velocity < STANDSTILL_SPEED;
         stands || sees_from(traveller.front) || !sees_from(passage.mouth - GAP - MARGIN)
     }
 

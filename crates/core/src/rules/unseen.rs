@@ -3,6 +3,7 @@
 use super::claims::Claim;
 use super::gaps::{catching_up, slowed};
 use super::meeting::{Meeting, OrderKind};
+use crate::conduct::STATIONARY_SPEED;
 use crate::junctions::AreaKind;
 
 /// One that has stood for so long because of what it does not see [s], at most this far before the mouth [m], goes, and
@@ -11,8 +12,6 @@ const STOOD: f64 = 2.0;
 const NEAR: f64 = 1.0;
 const STARTING: f64 = 3.0;
 const STOOD_FAR_AWAY: f64 = 6.0;
-/// One that creeps as slowly as this counts as standing [m/s].
-const STANDING: f64 = 0.5;
 
 impl Meeting<'_> {
     /// Not all windows of a claim end long enough (`lead`, s) before a vehicle may come that goes first and is not seen.
@@ -38,7 +37,7 @@ impl Meeting<'_> {
     pub(super) fn peeking(&self, claim: &Claim<'_>, kind: OrderKind) -> usize {
         let before = self.travellers[claim.traveller].memory_of(claim.number).peeking;
         match kind {
-            OrderKind::Unseen => before + usize::from(self.bodies[claim.body].velocity < STANDING),
+            OrderKind::Unseen => before + usize::from(self.bodies[claim.body].velocity < STATIONARY_SPEED),
             _ if claim.is_granted() => before,
             _ => 0,
         }

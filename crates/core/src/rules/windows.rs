@@ -3,6 +3,7 @@
 use super::course::{Crossed, MARGIN, Passage};
 use super::meeting::{Ahead, Body, Booking, Meeting, Seen, Traveller, Yielding};
 use super::room::ROOM;
+use crate::conduct::STANDSTILL_SPEED;
 use crate::junctions::Junctions;
 
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
@@ -18,8 +19,6 @@ const SLOW: f64 = 0.9;
 /// A vehicle that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;
-/// Slower than this it stands [m/s]: behind the end of an area it has left that, without the usual distance.
-const STANDING: f64 = 0.1;
 /// Leaders are expected to be at least this fast [m/s].
 const LEADER_SPEED: f64 = 1.0;
 
@@ -46,7 +45,7 @@ impl Traveller<'_> {
         let early = largest(passage, velocity);
         let expected = velocity.max(early.min(EXPECTED_SPEED));
         let late = (SLOW * passage.speed).max(velocity);
-        let behind = if velocity < STANDING { 0.0 } else { MARGIN };
+        let behind = if velocity < STANDSTILL_SPEED { 0.0 } else { MARGIN };
         let window = |crossed: &Crossed| {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + behind + body.length - front);
             let goes_first =

@@ -11,6 +11,7 @@ mod order;
 mod overlap;
 mod zone;
 
+use crate::conduct::COMFORTABLE_DECELERATION;
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -31,8 +32,6 @@ use zone::{Zone, zones};
 
 /// An agent claims within this distance of the zone [m], and the way in which it stops.
 const CLAIM_DISTANCE: f64 = 40.0;
-/// Comfortable deceleration [m/s²].
-const DECELERATION: f64 = 3.0;
 /// Slower arrivals count as this fast [m/s].
 const SLOWEST: f64 = 2.0;
 /// One behind another one arrives this much later [s].
@@ -154,7 +153,7 @@ impl Standpoint {
         let begin = zones.iter().map(|zone| zone.begin).fold(f64::INFINITY, f64::min);
         let end = zones.iter().map(|zone| zone.end).fold(0.0, f64::max);
         let lane = Lane::of(agent, around());
-        let stopping = agent.velocity.powi(2) / (2.0 * DECELERATION);
+        let stopping = agent.velocity.powi(2) / (2.0 * COMFORTABLE_DECELERATION);
         let is_passed = |begin: f64| {
             agent.front > begin || (begin - agent.front < stopping && lane.next(agent.front, begin).is_none())
         };

@@ -3,6 +3,7 @@
 //! A predictor answers once for all agents, but every agent has received something else. So rows are added behind those of
 //! the predictor, and every agent knows which of them are its own.
 
+use crate::conduct::STANDSTILL_SPEED;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -26,8 +27,6 @@ const SHORTEST_PLAN: f64 = 1.0;
 const SPEED_DEVIATION: f64 = 2.0;
 /// The distance between an agent in sight and its plan fades within this time [s].
 const FADING: f64 = 1.0;
-/// Below this speed [m/s] a plan stands.
-const STANDING: f64 = 0.1;
 /// Variance of the position of something that stands [m²].
 const STANDING_VARIANCE: f64 = 0.02;
 
@@ -301,7 +300,7 @@ impl Network {
             let ahead = (j + 1) as f64 * self.dt;
             let t = age + ahead;
             let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
-            has_stood &= velocity.abs() < STANDING;
+            has_stood &= velocity.abs() < STANDSTILL_SPEED;
             let left = (1.0 - ahead / FADING).max(0.0);
             let (along, across) = if has_stood {
                 (STANDING_VARIANCE, STANDING_VARIANCE)

@@ -2,6 +2,7 @@
 
 use super::{Drive, World};
 use crate::barrier::Barrier;
+use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
@@ -20,13 +21,10 @@ const ANGLE_MAX: f64 = 1.0;
 /// Vehicles that do not obey are followed along their lanes for this time [s] and in so many ways at most.
 const FOLLOWED: f64 = 8.0;
 const WAYS_MAX: usize = 4;
-/// Slower vehicles than this are not expected to enter an area [m/s]; one that stands in it needs so long to leave [s].
-const STANDING: f64 = 0.5;
+/// Stationary vehicles are not expected to enter an area; one that stands in it needs so long to leave [s].
 const LEAVING: f64 = 4.0;
 /// They may be slower by this factor on their way out.
 const SLOWER: f64 = 0.7;
-/// One that has to wait is expected to, as long as this deceleration is enough [m/s²].
-const BRAKING: f64 = 3.0;
 /// A vehicle is not expected to take a bend that takes more than the first [m/s²] across, unless the second suffices to slow
 /// down. One that would have to wait after a fork, and is faster than the second pair allows, takes another way.
 const BEARABLE: (f64, f64) = (4.0, 3.0);
@@ -243,12 +241,14 @@ impl World {
                     let area = &junctions.areas[index];
                     let (entry, exit) = (base + area.sides[side].entry - front, base + area.sides[side].exit - front);
                     let is_inside = entry <= 0.0;
-                    if exit + length <= 0.0 || area.is_side_by_side || (velocity < STANDING && !is_inside) {
+                    if exit + length <= 0.0 || area.is_side_by_side || (velocity < STATIONARY_SPEED && !is_inside) {
                         continue;
                     }
                     let should_wait = area.first == Some(1 - side) && !is_inside;
                     let yielding = match should_wait {
-                        true if velocity * velocity <= 2.0 * BRAKING * entry || goes_elsewhere() => Yielding::Yes,
+                        true if velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * entry || goes_elsewhere() => {
+                            Yielding::Yes
+                        }
                         true => Yielding::IfTrusted,
                         false => Yielding::No,
                     };
@@ -257,7 +257,8 @@ impl World {
                         continue;
                     }
                     let enter = if is_inside { 0.0 } else { entry / velocity };
-                    let leave = if velocity < STANDING { LEAVING } else { (exit + length) / (SLOWER * velocity) };
+                    let leave =
+                        if velocity < STATIONARY_SPEED { LEAVING } else { (exit + length) / (SLOWER * velocity) };
                     let visit =
                         Booking { area: index, side, enter, earliest: enter, leave, body, is_claim: false, yielding };
                     match known {
@@ -272,12 +273,11 @@ impl World {
 
     /// Agents remember the orders that they had, and how long they have stood.
     pub(super) fn remember(&mut self, orders: &[Order]) {
-        const STILL: f64 = 0.1;
         for drive in &mut self.drives {
             let order = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok();
             let Some(state) = self.states[drive.row] else { continue };
             let kept = order.map_or_else(Memory::default, |place| orders[place].memory);
-            let standing = if state.velocity.abs() < STILL { drive.memory.standing + 1 } else { 0 };
+            let standing = if state.velocity.abs() < STANDSTILL_SPEED { drive.memory.standing + 1 } else { 0 };
             drive.memory = Memory { standing, ..kept };
         }
     }

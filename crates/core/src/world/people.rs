@@ -3,10 +3,11 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
+use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
-use crate::rules::{Crosswalk, LIGHT_DECELERATION, OrderKind, Person, reach};
+use crate::rules::{Crosswalk, OrderKind, Person, reach};
 use crate::scene::{Participants, Scene};
 use crate::vehicle::ParticipantKind;
 
@@ -115,7 +116,7 @@ impl World {
     ) -> Option<CrosswalkWait> {
         let (velocity, front) = (self.speed(drive), drive.front());
         let mut found = self.crosswalks_near(drive).filter_map(|(place, crosswalk)| {
-            let deceleration = if drive.crosswalk == Some(place) { STOPPING } else { LIGHT_DECELERATION };
+            let deceleration = if drive.crosswalk == Some(place) { STOPPING } else { COMFORTABLE_DECELERATION };
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
             }

@@ -1,6 +1,7 @@
 //! What may come to a junction out of where an agent does not see.
 
 use super::{Drive, World};
+use crate::conduct::CRAWLING_SPEED;
 use crate::control::Signal;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
@@ -17,8 +18,6 @@ const TIME_MAX: f64 = 10.0;
 const STEP: f64 = 2.0;
 /// Its heading is that of a piece of its lane so long before it, or behind it where the lane begins [m].
 const CHORD: f64 = 3.0;
-/// A vehicle that is slower than this holds those behind it [m/s].
-const BLOCKING: f64 = 1.0;
 
 /// A place from which a vehicle may come.
 struct Place {
@@ -59,7 +58,7 @@ impl World {
             return Vec::new();
         }
         let state = scene.state(drive.row);
-        let blocking = |place: usize| bodies[place].velocity < BLOCKING && seen(place) && !may_hide(rows[place]);
+        let blocking = |place: usize| bodies[place].velocity < CRAWLING_SPEED && seen(place) && !may_hide(rows[place]);
         let blocking: Vec<&Body> =
             (0..bodies.len()).filter(|place| blocking(*place)).map(|place| &bodies[place]).collect();
         let look = Look { eye: state.pose().position, radius: view.sensor_radius, blocking: &blocking };

@@ -84,7 +84,7 @@ class Drives:
         since = max(since, int(np.argmax(self.valid[k])))
         speeds = np.abs(self.velocity[k, since : column + 1])
         way = float(0.5 * (speeds[1:] + speeds[:-1]).sum() * self.dt) - beyond
-        return bool(self.velocity[k, since] ** 2 > 2.0 * _core.LIGHT_DECELERATION * way)
+        return bool(self.velocity[k, since] ** 2 > 2.0 * _core.COMFORTABLE_DECELERATION * way)
 
     def row(
         self,

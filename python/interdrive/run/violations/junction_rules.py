@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 GAP = 1.0
 #: ... nor need, or show, this deceleration [m/s²] within this time [s], if it is so near [m].
 HARD, HARD_TIME, HARD_REACH = 2.0, 3.0, 30.0
-#: It goes first if it is within the reach of orders and does not stand [m/s]: one that stands lets others go.
-STANDING = 0.2
 #: A vehicle that is already so near that stopping takes more than this when it enters the scene cannot wait [m/s²].
 HARDEST = 3.0
 #: A light belongs to an area if its line is at most so far before it [m].
@@ -147,7 +145,7 @@ def _next(drives: Drives, ways: Ways, one: Use, others: Sequence[Use]) -> Use | 
             continue
         distance, speed = other.entry - ways.travelled[k, column], float(drives.velocity[k, column])
         if 0.0 < distance < least and distance <= max(_core.REACH, _core.REACH_TIME * speed):
-            nearest, least = (other if speed > STANDING else None), distance
+            nearest, least = (other if speed > _core.JUDGED_STANDSTILL_SPEED else None), distance
     return nearest
 
 
@@ -166,7 +164,7 @@ def _lets_pass(drives: Drives, one: Use, other: Use) -> bool:
     """A vehicle stands with its front in the area, and the other one passes."""
     if not other.enters < one.leaves:
         return False
-    return bool(drives.velocity[one.vehicle, int(other.enters)] <= STANDING)
+    return bool(drives.velocity[one.vehicle, int(other.enters)] <= _core.JUDGED_STANDSTILL_SPEED)
 
 
 def _is_hindered(drives: Drives, ways: Ways, one: Use, other: Use) -> bool:
@@ -225,7 +223,7 @@ def keep_clear(
     """
     stops: dict[int, list[tuple[int, int]]] = {}
     for k in drives.judged:
-        is_still = drives.valid[k] & (np.abs(drives.velocity[k]) < STANDING)
+        is_still = drives.valid[k] & (np.abs(drives.velocity[k]) < _core.JUDGED_STANDSTILL_SPEED)
         stops[k] = stretches(is_still, BLOCKING_TIME / drives.dt)
     rows: dict[tuple[int, int], Row] = {}
     for area, both in enumerate(used):

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
-#: A stop counts if the vehicle is at most this fast [m/s] for so long [s].
-STOP_SPEED, STOP_TIME = 0.2, 0.3
+#: A stop counts if the vehicle stands for so long [s].
+STOP_TIME = 0.3
 
 _RED, _GREEN, _DARK = SIGNALS.index("red"), SIGNALS.index("green"), SIGNALS.index("dark")
 
@@ -80,9 +80,9 @@ def line_rules(drives: Drives, passed: list[Passing], road: _core.RoadNetwork) -
         if not drives.sources[k]:
             continue
         least = _least_speed(drives, line, k, column) if line.has_stop_sign or may_turn else np.inf
-        if line.has_stop_sign and least > STOP_SPEED:
+        if line.has_stop_sign and least > _core.JUDGED_STANDSTILL_SPEED:
             rows.append(drives.row(k, "stop_sign", (column, column), least, road=road, lanelet=line.lanelet_id))
-        if may_turn and least <= STOP_SPEED:
+        if may_turn and least <= _core.JUDGED_STANDSTILL_SPEED:
             continue
         if one.is_red and not drives.was_too_near(k, _last_change(shown, column), column, beyond):
             red = (column - _last(shown[: column + 1] != _RED)) * drives.dt

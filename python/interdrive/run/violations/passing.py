@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.violations.markings import is_closed
 
 if TYPE_CHECKING:
-    from interdrive import _core
     from interdrive.run.record import RunRecord
     from interdrive.run.violations.drives import Bools, Drives, Floats, Ints
     from interdrive.scenario import Lanelets
 
-#: Slower than this is standing [m/s].
-_STANDING = 0.2
 #: A vehicle swings out and back within this time [s], but in no less than this distance [m].
 _SWING_TIME, _SWING = 3.0, 10.0
 
@@ -71,7 +69,7 @@ class Standing:
 def standing(run: RunRecord, road: _core.RoadNetwork) -> Standing:
     """All participants as they were in a run."""
     states = run.states
-    stands = states.valid & ((np.abs(states.velocity) < _STANDING) | states.is_static[:, None])
+    stands = states.valid & ((np.abs(states.velocity) < _core.JUDGED_STANDSTILL_SPEED) | states.is_static[:, None])
     lanelets = run.scenario.lanelets
     return Standing(states.participant_id, states.length, states.x, states.y, stands, lanelets, road)
 
@@ -79,6 +77,8 @@ def standing(run: RunRecord, road: _core.RoadNetwork) -> Standing:
 def recorded_standing(run: RunRecord, road: _core.RoadNetwork) -> Standing:
     """All obstacles as they were recorded."""
     obstacles = run.scenario.obstacles
-    stands = obstacles.valid & ((np.abs(obstacles.velocity) < _STANDING) | obstacles.is_static[:, None])
+    stands = obstacles.valid & (
+        (np.abs(obstacles.velocity) < _core.JUDGED_STANDSTILL_SPEED) | obstacles.is_static[:, None]
+    )
     length = np.array([max(shape.length, 2.0 * shape.radius) for shape in obstacles.shapes], dtype=np.float64)
     return Standing(obstacles.ids, length, obstacles.x, obstacles.y, stands, run.scenario.lanelets, road)

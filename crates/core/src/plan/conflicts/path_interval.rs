@@ -1,9 +1,10 @@
 //! The interval of a path that a participant occupies at one time.
 
+use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::shape::{OrientedBox, Shape};
 use crate::geometry::{Aabb, Point, Pose};
-use crate::plan::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use crate::plan::car_following::LEADER_HEADING_COSINE;
 use crate::plan::{Other, PlanRequest};
 
 /// The corridor is wider than the vehicle by this, on each side [m].
@@ -220,8 +221,8 @@ pub(super) fn interval_of(
     } else {
         (right, left)
     };
-    let along = velocity.abs() < LEADER_STATIONARY_SPEED || cos * velocity.signum() > LEADER_HEADING_COSINE;
-    let velocity = if velocity.abs() < LEADER_STATIONARY_SPEED { 0.0 } else { (velocity * cos).max(0.0) };
+    let along = velocity.abs() < STATIONARY_SPEED || cos * velocity.signum() > LEADER_HEADING_COSINE;
+    let velocity = if velocity.abs() < STATIONARY_SPEED { 0.0 } else { (velocity * cos).max(0.0) };
     let clearance = (d - half_d - left).max(0.0) + (d + half_d - right).min(0.0);
     let inside = clearance == 0.0;
     let crosses = inside && !along;

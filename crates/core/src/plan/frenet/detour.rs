@@ -1,10 +1,10 @@
 //! When the lane of the other direction is free to pass what stands.
 
 use super::super::PlanRequest;
-use super::super::car_following::LEADER_STATIONARY_SPEED;
 use super::super::frame::Start;
 use super::oncoming::{Lane, Order, Passer, distance, speeds};
 use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
+use crate::conduct::STATIONARY_SPEED;
 use crate::rules::{EARLY, travel_time};
 
 /// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
@@ -130,7 +130,7 @@ impl Detour {
         let (path, half) = (&request.route.path, 0.5 * request.vehicle.width + CLEARANCES[1] - ROUNDING);
         let (middle, length) = (0.5 * (self.rear + self.front), self.front - self.rear + 2.0 * request.vehicle.length);
         request.others.iter().any(|other| {
-            if !other.is_static && other.velocity.abs() >= LEADER_STATIONARY_SPEED {
+            if !other.is_static && other.velocity.abs() >= STATIONARY_SPEED {
                 return false;
             }
             let body = other.shape.oriented_box(other.pose);

@@ -1,8 +1,9 @@
 //! Oncoming vehicles on the lane over which the agent would pass, and which of two goes first that have to pass something.
 
-use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::{Other, PlanRequest};
 use super::passing::{LEAD, QUEUE_OFFSET, is_left, is_person};
+use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::Point;
 
 /// Modes that are less probable do not count.
@@ -66,7 +67,7 @@ impl Passer {
             (self.position.x, self.position.y) < (other.position.x, other.position.y)
         };
         let first = if is_nearer { self } else { other };
-        let is_swapped = first.velocity.abs() < LEADER_STATIONARY_SPEED && (seconds / TURN).rem_euclid(2.0) >= 1.0;
+        let is_swapped = first.velocity.abs() < STATIONARY_SPEED && (seconds / TURN).rem_euclid(2.0) >= 1.0;
         is_nearer != is_swapped
     }
 }
@@ -87,7 +88,7 @@ impl Lane<'_> {
     pub(super) fn order(&self, other: &Other, agent: &Passer) -> Order {
         let Some((ahead, d, lanelet)) = self.place(other.pose.position) else { return Order::None };
         let side = self.request.road.lanelets()[lanelet].center.project(agent.position).d.signum();
-        let stands = other.velocity.abs() < LEADER_STATIONARY_SPEED;
+        let stands = other.velocity.abs() < STATIONARY_SPEED;
         // A vehicle that stands on the far side of its lane is parked.
         if is_left(other) || stands && side * d <= -QUEUE_OFFSET {
             return Order::Waits;
@@ -117,7 +118,7 @@ impl Lane<'_> {
     /// From the front of a vehicle to something that stands on its lane [m], and how far before the stretch that ends
     /// [m], unless the vehicle has passed it or it is far from what the agent passes.
     fn gap(&self, block: &Other, ahead: f64, half_length: f64, half_width: f64) -> Option<(f64, f64)> {
-        let stands = block.is_static || block.velocity.abs() < LEADER_STATIONARY_SPEED;
+        let stands = block.is_static || block.velocity.abs() < STATIONARY_SPEED;
         if !stands || is_person(block) {
             return None;
         }

@@ -1,5 +1,6 @@
 //! Settings of the planner.
 
+use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::error::{Error, Result};
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
@@ -43,7 +44,7 @@ settings! {
         /// Distance kept to a standing leader.
         standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
         /// Deceleration before leaders, curves and the goal.
-        deceleration: f64 ["m/s²"] = 3.0, positive(100.0);
+        deceleration: f64 ["m/s²"] = COMFORTABLE_DECELERATION, positive(100.0);
         /// Lateral acceleration in curves; at most three quarters of what the vehicle can.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Desired and present speed differ by at most this.

@@ -1,7 +1,7 @@
 //! How fast the agent wants to be: in time at the goal, comfortable in curves, at a safe distance to its leader.
 
 use super::super::arrival::{self, LOOK_AHEAD};
-use super::super::car_following::{LEADER_HEADING_COSINE, LEADER_STATIONARY_SPEED};
+use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
@@ -9,6 +9,7 @@ use super::detour::{Detour, Leader};
 use super::passing::{self, Passage, Standing};
 use super::settings::{Comfort, FrenetSettings};
 use crate::barrier::{Barrier, BarrierReason, Barriers};
+use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::{Aabb, Point};
 
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
@@ -238,7 +239,7 @@ fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetS
     let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
     let beside = d - half_d > start.d.max(0.0) + corridor || d + half_d < start.d.min(0.0) - corridor;
     let ahead = s > middle;
-    let stands = other.is_static || other.velocity.abs() < LEADER_STATIONARY_SPEED;
+    let stands = other.is_static || other.velocity.abs() < STATIONARY_SPEED;
     let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
     let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
     if !ahead || beside || !(stands || moves_along) {

@@ -1,10 +1,8 @@
 //! What moves or stands on an agent's path ahead.
 
 use super::Negotiator;
+use crate::conduct::CRAWLING_SPEED;
 use crate::geometry::Pose;
-
-/// A slower participant [m/s] blocks a way.
-const BLOCKING: f64 = 1.0;
 
 /// Another one on the road, as an agent knows of it.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +34,6 @@ impl Lane {
     }
 
     pub(super) fn is_blocked(&self, from: f64, to: f64) -> bool {
-        self.0.iter().any(|(s, other)| (from..=to).contains(s) && other.velocity.abs() < BLOCKING)
+        self.0.iter().any(|(s, other)| (from..=to).contains(s) && other.velocity.abs() < CRAWLING_SPEED)
     }
 }

@@ -3,8 +3,9 @@
 use super::lane::Neighbour;
 use super::order::common;
 use super::overlap::{Overlap, Own, Theirs};
-use super::{CLAIM_DISTANCE, DECELERATION, Negotiator, ROOM, Situation, plans};
+use super::{CLAIM_DISTANCE, Negotiator, ROOM, Situation, plans};
 use crate::barrier::{Barrier, BarrierReason};
+use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::geometry::Point;
 use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
 use crate::v2x::inbox::Inbox;
@@ -89,7 +90,7 @@ pub(super) fn zones<'a>(
     around: &dyn Fn() -> &'a [Neighbour],
 ) -> Vec<Zone> {
     let mut own: Option<Own> = None;
-    let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * DECELERATION);
+    let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * COMFORTABLE_DECELERATION);
     let mut found = Vec::new();
     for (place, message) in plans(inbox, agent.place) {
         let Body::Mcm { status, way, claim, spacing, points, passes, areas, is_ordered, .. } = &message.body else {
