@@ -1,12 +1,10 @@
-"""The order of a step, written once: observe, predict, plan, advance, record."""
+"""Runs: steps of the core, in which predictors and planners in Python answer too; what is recorded."""
 
 from __future__ import annotations
 
-import time
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
@@ -129,6 +127,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Returns to the first time step, with new planners and a new predictor."""
+        self._n_predicted = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
         self._stop_workers()
@@ -158,7 +157,7 @@ class Simulation:
         self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_workers()
         self._touching = self.world.entered_in_contact
-        self._timings: list[tuple[int, tuple[float, ...]]] = []
+        self._timings: list[tuple[int, list[float]]] = []
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
             CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
@@ -191,33 +190,30 @@ class Simulation:
         """
         if self.world.is_done:
             return
-        world, clock, marks = self.world, time.perf_counter, [time.perf_counter()]
-        time_step = world.time_step
-        scene = world.scene()
-        marks.append(clock())
-        predictions = world.expect(scene, self._predict(scene))
+        world, time_step = self.world, self.world.time_step
+        step = self._begin_step()
+        self._plan_python(step)
+        step.mark()
         if self._plan_ages is not None:
-            self._plan_ages.add(*predictions.plan_ages())
-        marks.append(clock())
-        plans = world.plan(scene, predictions)
-        marks.append(clock())
-        self._plan_python(scene, predictions, plans)
-        marks.append(clock())
+            self._plan_ages.add(*step.predictions.plan_ages())
         if self._prediction_log is not None:
-            self._prediction_log.add(predictions)
+            self._prediction_log.add(step.predictions)
         if self._candidate_log is not None:
-            self._candidate_log.add(world, scene, predictions, plans)
-        marks.append(clock())
-        collision = world.step(plans)
-        marks.append(clock())
+            self._candidate_log.add(world, step)
+        world.advance(step)
         if world.is_done:
             self._stop_workers()
-        *before, advance = (end - begin for begin, end in pairwise(marks))
-        self._timings.append((time_step, (*before, collision, advance - collision)))
+        self._timings.append((time_step, step.seconds))
+
+    def _begin_step(self) -> _core.Step:
+        """A step up to the plans of the core."""
+        step = self.world.observe()
+        forecast = self._predictor.native or self._predict(step.scene)
+        self.world.plan(step, forecast, self._n_predicted)
+        return step
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
-        horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
-        return self._predictor.predict(self.world, scene, horizon)
+        return self._predictor.predict(self.world, scene, self._n_predicted)
 
     def _start_workers(self) -> None:
         """Moves planners in Python that allow it to separate processes."""
@@ -245,8 +241,9 @@ class Simulation:
             self._workers.close()
         self._workers = None
 
-    def _plan_python(self, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
-        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in plans.missing}
+    def _plan_python(self, step: _core.Step) -> None:
+        scene, predictions = step.scene, step.predictions
+        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in step.missing}
         answers: dict[int, Answer] = {}
         if self._workers is not None:
             away = {i: view for i, view in views.items() if i not in self._python_planners}
@@ -263,7 +260,7 @@ class Simulation:
         timeout_s = self.settings.step.planner_timeout_s
         if self._raises:
             for agent_id, view in views.items():
-                plans.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
+                step.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
             return
         with same_folder() if self._python_planners else nullcontext():
             for agent_id, view in views.items():
@@ -274,14 +271,14 @@ class Simulation:
             answer = answers[agent_id]
             try:
                 if not isinstance(answer, Failure):
-                    plans.set(view, *answer)
+                    step.set(view, *answer)
                     continue
             except InputError as error:
                 answer = Failure(str(error))
             name = self._configs[agent_id].planner.name
             # File names need not be text.
             line, trace = (text.encode("utf-8", "replace").decode() for text in (answer.line, answer.traceback))
-            plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
+            step.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
             self._tracebacks[agent_id] = trace
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:

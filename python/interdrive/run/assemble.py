@@ -66,7 +66,7 @@ def agent_record(agent: Agent, planner: str) -> AgentRecord:
     )
 
 
-def timings_of(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
+def timings_of(rows: list[tuple[int, list[float]]]) -> Timings:
     """Wall times in long form, from one row of phases per time step."""
     return Timings(
         time_step=np.repeat(np.array([time_step for time_step, _ in rows], dtype=np.int64), len(PHASES)),

@@ -47,7 +47,7 @@ fn expected(world: &World) -> (Predictions, Expectations) {
     let scene = world.scene();
     let spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
     let table = world.predict(&Predictor::ConstantVelocity(spread), &scene, 30).expect("predictions");
-    let found = world.expect(&scene, &table).expect("of now").expect("agents with V2X");
+    let found = world.with_messages(&scene, &table).expect("of now").expect("agents with V2X");
     (table, found)
 }
 
