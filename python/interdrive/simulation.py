@@ -372,9 +372,7 @@ class Simulation:
         at = self.world.time_step
         if any(message.startswith(STANDSTILL) for message in ended.values()):
             when = said_seconds(at, self.scenario.dt)
-            return [
-                f"the run ended at {when} s because nothing moved any more (step.standstill_s); there stood: {shown}"
-            ]
+            return [f"the run ended at {when} s because nothing moved any more (step.standstill_s); standing: {shown}"]
         return [f"the run ended after {at} time steps (step.max_steps) while these agents were still driving: {shown}"]
 
     def _repeatable_settings(self) -> RunSettings:

@@ -182,7 +182,7 @@ def test_a_cluster_that_is_lost_is_one_line_in_rays_words(driven):
     assert found == ["A", "B"]
     assert str(error.value) == (
         "ray nowhere:1: the cluster, or its node on this machine, is lost (No answer within 60 seconds); "
-        "finished runs are kept, the same command does the missing ones"
+        "finished runs are kept, repeat the command to do the missing ones"
     )
 
 

@@ -89,7 +89,7 @@ def test_a_value_that_no_batch_writes(folder, column, value, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda table: table.drop_columns(["seed"]), "its columns are not those of this version (seed differs)"),
+        (lambda table: table.drop_columns(["seed"]), "its columns differ from those of this version (seed differs)"),
         (lambda table: table.set_column(8, "seed", table["seed"].cast("string")), "seed: values of type string"),
         (lambda table: table.set_column(8, "seed", table["seed"].cast("double")), "seed: values of type double"),
         (lambda table: table.select(table.column_names[::-1]), "(their order differs)"),

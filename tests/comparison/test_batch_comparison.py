@@ -285,7 +285,7 @@ def test_few_scenarios_are_warned_of_when_no_interval_has_a_width(tmp_path):
     said = " ".join(compare(invented(tmp_path / "batch", scattered(2, values=(3.0,)))).caveats)
     assert "All differences are over fewer than 20 scenarios" in said
     assert "Intervals (95 %)" in said
-    assert "true zeros" not in said
+    assert "truly zero" not in said
 
 
 def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
@@ -295,8 +295,8 @@ def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
     rows = found.differences.to_pylist()
     assert sum(row["low"] is not None and row["low"] < row["high"] for row in rows) == 3
     said = " ".join(found.caveats)
-    assert "2 differences with an interval of 20 or more scenarios (1 over all categories, 1 within categories)" in said
-    assert "of 2 true zeros at least about 0.1 would" in said
+    assert "2 differences have an interval over 20 or more scenarios (1 over all categories, 1 within categories)" in said
+    assert "if all were truly zero, about 0.1 intervals or more would" in said
     assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
 
 

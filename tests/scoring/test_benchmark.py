@@ -51,7 +51,7 @@ def test_files_are_found_below_a_folder_and_other_content_is_told(tmp_path):
     other = replace(second, sha256="0" * 64)
     found, missing = find_files((first, other, replace(other, name="gone")), tmp_path)
     assert list(found) == [first.sha256]
-    assert missing[0].endswith(f"{second.name}.xml has other content")
+    assert missing[0].endswith(f"{second.name}.xml has other contents")
     assert missing[1] == "gone: not found (a/b c.xml 1)"
 
 

@@ -39,7 +39,7 @@ settings! {
     ///
     /// Along its heading it grows like an unknown constant acceleration, across it linearly.
     pub struct Spread as Spread {
-        /// Standard deviation of the position now.
+        /// Standard deviation of the present position.
         position_sigma: f64 ["m"] = 0.15, positive(f64::MAX);
         /// Standard deviation of the acceleration along the heading; the spread along the heading grows with the square of
         /// time.
@@ -53,9 +53,9 @@ settings! {
 
     /// Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
     pub struct LaneFollowing as LaneFollowing(spread: Spread) {
-        /// Largest number of lanes to follow.
+        /// Largest number of lanes followed.
         modes_max: usize = 3, between(1.0, MODES_LIMIT as f64);
-        /// Vehicles take curves up to this lateral acceleration without slowing down.
+        /// Lateral acceleration in curves up to which vehicles do not slow down.
         lateral_acceleration: f64 ["m/s²"] = 3.0, positive(f64::MAX);
         /// Deceleration before curves.
         deceleration: f64 ["m/s²"] = 2.0, positive(f64::MAX);

@@ -98,7 +98,7 @@ pub fn read<T: Record + Default>(given: &Bound<'_, PyAny>) -> PyResult<T> {
 #[pyfunction]
 pub fn check_settings(name: &str, given: &Bound<'_, PyAny>) -> PyResult<()> {
     let found = records().into_iter().find(|record| record.about().0 == name);
-    let mut settings = found.ok_or_else(|| InputError::new_err((name.to_owned(), "is no record of settings")))?;
+    let mut settings = found.ok_or_else(|| InputError::new_err((name.to_owned(), "is not a settings record")))?;
     fill(settings.as_mut(), given)?;
     check(settings.as_mut()).map_err(exception)
 }

@@ -168,7 +168,7 @@ def _check(statements: Sequence[Statement]) -> None:
     """Raises InputError unless it is one query."""
     kinds = [statement.type.name for statement in statements]
     if not kinds:
-        raise InputError('sql: there is no query; for instance "select planner, count(*) from agents group by all"')
+        raise InputError('sql: the query is empty; for instance "select planner, count(*) from agents group by all"')
     if len(kinds) > 1:
         raise InputError(f"sql: one query at a time, not {len(kinds)} statements")
     if kinds != ["SELECT"]:

@@ -139,7 +139,7 @@ def no_cluster(address: str, reason: str) -> InputError:
         return InputError(f"ray {address}: {' '.join(reason.split())}")
     if "node_ip_address" in reason:  # the file that every node has
         return InputError(
-            f"ray {address}: this machine is no node of that cluster; join it with `ray start --address={address}`"
+            f"ray {address}: this machine is not a node of that cluster; join it with `ray start --address={address}`"
         )
     return InputError(
         f"ray {address}: no cluster answers there ({reason.strip().partition(chr(10))[0]}); "

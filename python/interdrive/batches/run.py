@@ -226,7 +226,7 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
 
     for end in backend.run(agents_of, take):
         spec = end.task.payload.spec
-        answer = Problem(end.lost, f"its agents could not be found out: {_twice(end)}") if end.lost else end.value
+        answer = Problem(end.lost, f"its agents could not be determined: {_twice(end)}") if end.lost else end.value
         answers[spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed] = answer
     known = folder.done()
     found: list[RunSpec] = []

@@ -30,7 +30,7 @@ NOT_JUDGED, REPLAYED = "planner recorded among reacting traffic is not judged", 
 _OTHERS = {
     "recorded": "all others replay their recording",
     "velocity_adjusting": "all others keep to their path and adjust their speed",
-    "same": "all others have it, too",
+    "same": "all others drive with it, too",
 }
 
 

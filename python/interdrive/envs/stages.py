@@ -185,7 +185,7 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
         raise InputError(
             "decision_seconds",
-            f"{setup.settings.decision_seconds:g} is no multiple of dt = {scenario.dt:g} ({scenario.name})",
+            f"{setup.settings.decision_seconds:g} is not a multiple of dt = {scenario.dt:g} ({scenario.name})",
         )
     road = core_road(scenario, simulation.road)
     recorded = core_scenario(scenario, road)

@@ -74,7 +74,7 @@ def animate_run(
     if not fps > 0:
         raise InputError(f"fps must be positive, not {fps}")
     if agent_id is not None and agent_id not in {agent.id for agent in run.agents}:
-        raise InputError(f"agent {agent_id} is not one of the run")
+        raise InputError(f"agent {agent_id} is not in the run")
     stage = Stage(run, agent_id, follow=agent_id is not None if follow is None else follow)
     rate = min(fps, 1.0 / run.scenario.dt)
     n_frames = max(1, round((run.states.n_steps - 1) * run.scenario.dt * rate) + 1)

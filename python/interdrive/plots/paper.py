@@ -66,7 +66,7 @@ def chosen_agents(run: RunRecord, agents: Sequence[int] | None, most: int | None
     known = [agent.id for agent in run.agents]
     for number in agents or ():
         if number not in known:
-            raise InputError(f"agent {number} is not one of the run; its agents are {', '.join(map(str, known))}")
+            raise InputError(f"agent {number} is not in the run; its agents are {', '.join(map(str, known))}")
     shown = known if agents is None else sorted(set(agents))
     if not shown:
         raise InputError(f"{run.scenario.name}: there is no agent to draw")

@@ -177,4 +177,7 @@ def _of_part(split: Split, part: str, paths: list[Path]) -> tuple[dict[Path, tup
         raise InputError(f"{split.path}: none of the {len(paths)} files is of the part {part}")
     unknown = sum(place is None for place in places.values())
     others = len(paths) - len(chosen) - unknown
-    return chosen, f"part {part} of {split.path}: {len(chosen)} files; {others} of other parts, {unknown} of no place"
+    return (
+        chosen,
+        f"part {part} of {split.path}: {len(chosen)} files; {others} of other parts, {unknown} without a place",
+    )

@@ -146,9 +146,7 @@ class Gathered:
         samples, vehicles, files = self.left_out.tolist()
         if not samples:
             return ()
-        return (
-            f"{samples} samples of {vehicles} vehicles in {files} files are left out: files before them show the same",
-        )
+        return (f"{samples} samples of {vehicles} vehicles in {files} files are left out: earlier files contain them",)
 
     def samples(self) -> Samples:
         """Everything so far."""

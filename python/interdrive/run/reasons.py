@@ -188,7 +188,7 @@ def said_line(phase: Phase) -> str:
 def said_order(run: RunRecord, kind: str, by: int) -> str:
     """Where an agent was told to wait, and why."""
     name = said_name(run, by) if by >= 0 else "others"
-    said = {"exit": f"no room behind it, because of {name}", "unseen": "it did not see whether others came"}
+    said = {"exit": f"no room behind it, because of {name}", "unseen": "it could not see whether others came"}
     why = said.get(kind, f"it gave way to {name}")
     return f"before a {'crosswalk' if kind == 'crosswalk' else 'junction'}: {why}"
 

@@ -114,7 +114,7 @@ class Score:
             InputError: It was not scored.
         """
         row = self.row(agent_id)
-        return "; ".join(self.reasons[row]) or "nothing to complain about"
+        return "; ".join(self.reasons[row]) or "full score"
 
 
 def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSettings | None = None) -> Score:
@@ -134,7 +134,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     wanted = np.array(sorted(set(known.tolist() if ids is None else ids) - set(left_out)), dtype=np.int64)
     strangers = [number for number in wanted.tolist() if number not in known]
     if strangers:
-        raise InputError(f"score: {strangers[0]} is no agent of this run")
+        raise InputError(f"score: {strangers[0]} is not an agent of this run")
     site = site_of(run, run.settings.get("settings") or {})
     simulated = traffic(site, run)
     lengths = dict(zip(run.states.participant_id.tolist(), run.states.length.tolist(), strict=True))
@@ -147,7 +147,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
         notes.append(f"not scored, because their recordings overlap those of others: {named}")
     is_original = _has_recording(run)
     if not is_original:
-        notes.append("the scenario file is gone or has changed: no recording to compare with, no excuses")
+        notes.append("the scenario file is gone or has changed: no recording to compare with, so every term counts")
     rows = [
         _Agent(run, site, simulated, number, is_original).judged(time, partner, judged.get(number), chosen)
         for number, time, partner in zip(wanted.tolist(), times, partners, strict=True)
@@ -371,5 +371,6 @@ def _reasons(
     if verdict is not None and not verdict.kind:
         found.append(f"collision at {said_seconds(verdict.time_step, dt)} s, not its fault: {verdict.words}")
     if excused:
-        found.append(f"excused, as the recording is no better: {', '.join(TERMS.get(name, name) for name in excused)}")
+        named = " and ".join(TERMS.get(name, name) for name in excused)
+        found.append(f"{named} not counted: the recorded driver was no better")
     return tuple(found)

@@ -113,10 +113,10 @@ fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
     for (i, &id) in request.ids.iter().enumerate() {
         let row = traffic.states.row(id).ok_or(Error::UnknownId { what: "participant", id })?;
         if traffic.is_static[row] {
-            return Err(Error::invalid(format!("participant {id} is static: there is nothing to judge")));
+            return Err(Error::invalid(format!("participant {id} is static: there is nothing to evaluate")));
         }
         if traffic.span(row).is_none() {
-            return Err(Error::invalid(format!("participant {id} is never there: there is nothing to judge")));
+            return Err(Error::invalid(format!("participant {id} is never there: there is nothing to evaluate")));
         }
         let deceleration = given.get(i).copied().unwrap_or(request.settings.deceleration);
         if !(deceleration > 0.0 && deceleration.is_finite()) {
@@ -128,7 +128,7 @@ fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
     }
     found.sort_by_key(|(row, _)| *row);
     if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(Error::invalid(format!("participant {} is asked for twice", traffic.states.ids[pair[0].0])));
+        return Err(Error::invalid(format!("participant {} is requested twice", traffic.states.ids[pair[0].0])));
     }
     Ok(found)
 }

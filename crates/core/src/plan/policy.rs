@@ -71,11 +71,11 @@ impl Policy {
     ) -> Result<Self> {
         space.check()?;
         if !space.is_kinematic() {
-            return Err(Error::invalid("actions: a policy as a planner needs those of the single-track model"));
+            return Err(Error::invalid("actions: a policy used as a planner needs actions of the single-track model"));
         }
         observation.validate()?;
         if observation.raster {
-            return Err(Error::invalid("observation.raster: a policy as a planner observes numbers only"));
+            return Err(Error::invalid("observation.raster: a policy used as a planner observes numbers only"));
         }
         let mut n_in = layout::length(&observation);
         let mut made = Vec::new();

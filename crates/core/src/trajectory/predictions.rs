@@ -225,7 +225,7 @@ impl Predictions {
         }
         if self.n_modes == 0 || self.n_steps == 0 {
             let (n_modes, n_steps) = (self.n_modes, self.n_steps);
-            return Err(Error::invalid(format!("predictions: {n_modes} modes of {n_steps} steps are no prediction")));
+            return Err(Error::invalid(format!("predictions need at least one mode and one step, got {n_modes} x {n_steps}")));
         }
         for (row, id) in self.ids.iter().enumerate() {
             let modes = &self.probability[row * self.n_modes..(row + 1) * self.n_modes];

@@ -28,16 +28,16 @@ choice! {
 settings! {
     /// Pedals and steering wheel of a single-track model: two numbers from -1 to 1.
     pub struct Kinematic as Kinematic {
-        /// Acceleration for a first number of 1, as far as the engine gets.
+        /// Acceleration for a first number of 1, limited by the engine.
         accelerate: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Deceleration for a first number of -1.
         brake: f64 ["m/s²"] = 8.0, positive(100.0);
-        /// What the second number is. "curvature": that of the path, relative to the largest one. "rate": that of the
-        /// steering angle, relative to the vehicle's largest one.
+        /// Meaning of the second number. "curvature": curvature of the path, relative to `curvature`. "rate": rate of
+        /// the steering angle, relative to the vehicle's limit.
         steering: Steering = Steering::Curvature;
-        /// Largest curvature for "curvature".
+        /// Largest curvature with steering "curvature".
         curvature: f64 ["1/m"] = 0.2, positive(10.0);
-        /// Largest lateral acceleration that "curvature" asks for.
+        /// Largest lateral acceleration with steering "curvature".
         lateral: f64 ["m/s²"] = 4.0, positive(100.0);
     }
 }

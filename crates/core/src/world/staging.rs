@@ -162,7 +162,7 @@ impl World {
 pub(crate) fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
     for pair in agents.windows(2) {
         if pair[0].id == pair[1].id {
-            return Err(Error::invalid(format!("agent {} is there twice", pair[0].id)));
+            return Err(Error::invalid(format!("agent {} occurs twice", pair[0].id)));
         }
     }
     for agent in agents {

@@ -12,7 +12,7 @@ use crate::trajectory::State;
 use crate::vehicle::single_track::Moved;
 
 settings! {
-    /// The end of a sample in the Frenet frame, as three numbers from -1 to 1.
+    /// End state of a sample in the Frenet frame, as three numbers from -1 to 1.
     ///
     /// The first is the lateral position, the second the change of the speed, the third the time in which both are
     /// reached. The vehicle drives the first time step of the sample; then the next action counts.
@@ -23,7 +23,7 @@ settings! {
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
         /// Time for a third number of -1; at most the horizon.
         t_min: f64 ["s"] = 1.1, positive(60.0);
-        /// Time for a third number of 1; the vehicle's limits are checked so far ahead.
+        /// Time for a third number of 1; also how far ahead the vehicle's limits are checked.
         horizon: f64 ["s"] = 3.0, positive(60.0);
         /// Below this speed lateral motion is planned over arc length instead of time.
         low_velocity: f64 ["m/s"] = 2.0, positive(100.0);

@@ -390,7 +390,7 @@ fn tensors_that_do_not_fit_are_refused_by_their_name() {
         (|t| t[3].shape = vec![13], "tensor agent.0.bias has shape [13], (12) is expected"),
         (|t| t[4].values[0] = f32::NAN, "tensor agent.1.weight has values that are not finite numbers"),
         (|t| t[0].values[2] = 0.0, "tensor calibration.s has values that are not positive"),
-        (|t| t.push(tensor("more", &[1], vec![1.0])), "nothing is known of the tensor more"),
+        (|t| t.push(tensor("more", &[1], vec![1.0])), "unknown tensor more"),
         (
             |t| {
                 let n = t.len();

@@ -201,7 +201,7 @@ impl Network {
         }
         let tail = (p_drives + p_stands > 0.0).then(|| tail.map(|(probability, factor)| Tail { probability, factor }));
         if let Some(unknown) = tensors.left.first() {
-            return Err(Error::invalid(format!("nothing is known of the tensor {}", unknown.name)));
+            return Err(Error::invalid(format!("unknown tensor {}", unknown.name)));
         }
         Ok(Self {
             agent,
