@@ -59,11 +59,11 @@ class FrenetComfort:
         time_gap: Time gap to a leader: the reaction time of the safe speed. Positive and at most 60.
         standstill_gap: Distance kept to a standing leader. Between 0 and 100.
         deceleration: Deceleration before leaders, curves and the goal. Positive and at most 100.
-        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit. Positive
-            and at most 100.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
+            Positive and at most 100.
         velocity_step: Largest difference between desired and present speed. Positive and at most 100.
-        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
-            Between 0 and 100.
+        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor
+            speed. Between 0 and 100.
     """
 
     time_gap: Annotated[float, "s"] = 0.85
@@ -82,7 +82,7 @@ class Frenet:
     Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
 
     Attributes:
-        level: Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid. Between 0 and 4.
+        level: Sampling density: 48, 180, 800, 3564 or 12716 samples in the grid. Between 0 and 4.
         horizon: Length of a plan. Positive and at most 60.
         t_min: Shortest time in which a manoeuvre ends; at most the horizon. Positive and at most 60.
         d_max: Largest lateral distance of end positions from the reference path. Positive and at most 15.
@@ -94,13 +94,13 @@ class Frenet:
         rear_cone_angle: Full opening angle of the cone behind the agent. Between 0 and 2 pi.
         rear_cone_distance: Participants in that cone further away than this (centre to centre) are expected to keep
             their distance. Between 0 and 1000000.
-        collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most probable
-            mode always counts. Between 0 and 1.
-        expectation_density_min: Peak density of positions below which a mode less probable than that costs nothing: it
-            then hardly predicts a position. Between 0 and 1000000.
+        collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most
+            probable mode always counts. Between 0 and 1.
+        expectation_density_min: Peak density of positions below which a mode less probable than that costs nothing:
+            it then hardly predicts a position. Between 0 and 1000000.
         stop_targets: Also sample stops behind the leader and at the end of the goal area.
-        lazy: Evaluate only the samples and terms needed to find the best sample; false evaluates all. The choice is the
-            same.
+        lazy: Evaluate only the samples and terms needed to find the best sample; false evaluates all. The choice is
+            the same.
         weights: Weights of the cost.
         comfort: Comfortable driving.
     """
@@ -180,8 +180,8 @@ class Idm(CarFollowing):
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
-        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit. Positive
-            and at most 100.
+        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
+            Positive and at most 100.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
@@ -231,7 +231,7 @@ class Spread:
     Along its heading it grows like an unknown constant acceleration, across it linearly.
 
     Attributes:
-        position_sigma: Standard deviation of the position now. Positive.
+        position_sigma: Standard deviation of the present position. Positive.
         acceleration_sigma: Standard deviation of the acceleration along the heading; the spread along the heading
             grows with the square of time. Positive.
         lateral_rate: Growth of the standard deviation across the heading. Positive.
@@ -256,7 +256,7 @@ class LaneFollowing(Spread):
     """Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
 
     Attributes:
-        modes_max: Largest number of lanes to follow. Between 1 and 8.
+        modes_max: Largest number of lanes followed. Between 1 and 8.
         lateral_acceleration: Lateral acceleration in curves up to which vehicles do not slow down. Positive.
         deceleration: Deceleration before curves. Positive.
         return_time: Time in which an offset from the lane's centre decays. Positive.
@@ -278,11 +278,11 @@ class ViewSettings:
     """View of an agent.
 
     Attributes:
-        sensor_radius: Distance beyond which participants are not seen, centre to centre; for static obstacles, to the
-            nearest point of a circle around them. Positive.
-        occlusion: Agents do not see participants whose footprints are completely covered by nearer ones, seen from the
-            centre of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers. Agents are
-            careful at junctions where something is hidden (`rules.unseen`).
+        sensor_radius: Distance beyond which participants are not seen, centre to centre; for static obstacles, to
+            the nearest point of a circle around them. Positive.
+        occlusion: Agents do not see participants whose footprints are completely covered by nearer ones, seen from
+            the centre of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers.
+            Agents are careful at junctions where something is hidden (`rules.unseen`).
     """
 
     sensor_radius: Annotated[float, "m"] = 80.0
@@ -298,18 +298,18 @@ class CoreStepSettings:
     """Steps of the world.
 
     Attributes:
-        replan_every: Number of time steps from one plan to the next; in between the last plan is followed. Between
-            1 and 10000.
-        grace_factor: Factor on the time limit of an agent, counted from its start, after which a late agent is stopped.
-            Between 1 and 1000.
-        history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
-            same time as this number of steps of 0.1 s. Between 1 and 10000.
-        max_steps: Largest number of time steps of a run; agents still driving then end with time_limit. 0: the largest
-            of 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up to 20000).
-            Between 0 and 1000000.
+        replan_every: Time steps between plans; in between, an agent follows its last plan. Between 1 and 10000.
+        grace_factor: Factor on the time limit of an agent, counted from its start, after which a late agent is
+            stopped. Between 1 and 1000.
+        history_steps: Past time steps in a scene. With time steps shorter than 0.1 s, as many as span the same time
+            at 0.1 s. Between 1 and 10000.
+        max_steps: Largest number of time steps of a run; agents still driving then end with time_limit. 0: the
+            largest of 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up
+            to 20000). Between 0 and 1000000.
         standstill_s: Time without any motion, plus the longest cycle of traffic lights, after which a run ends,
-            provided that nothing can set an agent in motion any more; its agents end with time_limit. inf: never. The
-            default, our choice, is several times longer than any rule of the road lets an agent stand. Positive.
+            provided that nothing can set an agent in motion any more; its agents end with time_limit. inf: never.
+            The default, our choice, is several times longer than any rule of the road lets an agent stand.
+            Positive.
     """
 
     replan_every: int = 1
@@ -328,16 +328,17 @@ class RoadSettings:
     """Extent of the road, and what must stay on it.
 
     Attributes:
-        gap_tolerance: Width up to which gaps between lanelets count as road; a footprint may also overhang the edge by
-            this much. Between 0 and 1.
-        open_end_length: Length by which the road continues straight where the map ends (lanelets without successor or
-            predecessor). Between 0 and 100000.
-        judge: Part of the vehicle that must stay on the road. "wheels": the rectangle from the rear to the front axle,
-            as wide as the vehicle; the body may reach over the edge, as above a kerb. "body": the whole footprint.
-            Contacts always count with the whole body.
-        turn_tolerance: Distance by which wheels may cross the edge in bends (curvature of at least 0.08 1/m). Between 0
-            and 2.
-        overhang_max: Distance by which the body may reach beyond the lanelets with judge "wheels". Between 0 and 10.
+        gap_tolerance: Width up to which gaps between lanelets count as road; a footprint may also overhang the edge
+            by this much. Between 0 and 1.
+        open_end_length: Length by which the road continues straight where the map ends (lanelets without successor
+            or predecessor). Between 0 and 100000.
+        judge: Part of the vehicle that must stay on the road. "wheels": the rectangle from the rear to the front
+            axle, as wide as the vehicle; the body may reach over the edge, as above a kerb. "body": the whole
+            footprint. Contacts always count with the whole body.
+        turn_tolerance: Distance by which wheels may cross the edge in bends (curvature of at least 0.08 1/m).
+            Between 0 and 2.
+        overhang_max: Distance by which the body may reach beyond the lanelets with judge "wheels". Between 0 and
+            10.
     """
 
     gap_tolerance: Annotated[float, "m"] = 0.1
@@ -425,12 +426,12 @@ class V2xSettings:
         hold_margin: Distance that a yielding agent keeps to the conflict zone. Between 0.3 and 5.
         mcm_interval: Time between messages with the plan, unless the plan changes. Positive and at most 10.
         max_bytes: Largest message; plans, claims and object lists are truncated to fit. Between 300 and 65535.
-        age_max: Older messages are forgotten. Positive and at most 60.
+        age_max: Age above which messages are discarded. Positive and at most 60.
         plan_spacing: Time between the points of a sent plan. Between 0.01 and 10.
         plan_horizon: Duration of the part of a plan that is sent. Between 1 and 60.
         way_ahead: Length of the reference path ahead that an agent sends. Between 10 and 1000.
-        deviation: Distance from its sent plan beyond which an agent is no longer expected to follow it. Positive and at
-            most 100.
+        deviation: Distance from its sent plan beyond which an agent is no longer expected to follow it. Positive
+            and at most 100.
         plan_sigma: Standard deviation of the positions of a sent plan. Positive and at most 10.
         plan_along: Growth of that standard deviation along the heading. Between 0 and 10.
         plan_across: Growth of that standard deviation across the heading. Between 0 and 10.
@@ -468,19 +469,19 @@ class MeasureSettings:
     """Parameters and switches of all measures; the defaults are those of docs/reference/criticality.md.
 
     Attributes:
-        radius: Others count within this distance, centre to centre. Positive.
+        radius: Distance, centre to centre, within which other participants count. Positive.
         ttc_threshold: Time to collision along lanes up to which a vehicle is exposed. Positive.
         deceleration: Available deceleration; the default is the tyre limit of CommonRoad's vehicle type 2 on a dry
             road, which is optimistic. Positive.
-        lateral_acceleration: Lateral acceleration that is available. Positive.
+        lateral_acceleration: Available lateral acceleration. Positive.
         oncoming_filter: Oncoming traffic counts only where its path meets that of the evaluated vehicle.
         opposite_angle: Heading difference beyond which traffic is oncoming. Positive and at most pi.
         erosion: Erosion of lanelets before their overlap is measured. Not negative.
         overlap_min: Largest overlap that does not count. Not negative.
         lead_membership: Who counts as ahead: participants whose centre lies on the path, or whose footprint reaches
             into it.
-        thw_mode: Time headway: normalized is headway divided by speed, recorded is the time until the recording reaches
-            the present place of the vehicle ahead.
+        thw_mode: Time headway: normalized is headway divided by speed, recorded is the time until the recording
+            reaches the present place of the vehicle ahead.
         leader_stops: The required longitudinal acceleration assumes that a braking vehicle ahead comes to rest and
             stays there.
     """
@@ -537,8 +538,8 @@ class FrenetTarget:
         d_max: Lateral position for a first number of 1, to the left of the path. Positive and at most 15.
         velocity_step: Change of the present speed for a second number of 1. Positive and at most 100.
         t_min: Time for a third number of -1; at most the horizon. Positive and at most 60.
-        horizon: Time for a third number of 1; also how far ahead the vehicle's limits are checked. Positive and at most
-            60.
+        horizon: Time for a third number of 1; also how far ahead the vehicle's limits are checked. Positive and at
+            most 60.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time. Positive and at
             most 100.
     """
@@ -603,10 +604,10 @@ class RewardWeights:
         jerk: Jerk / 20 m/s³, squared, by time.
         path_offset: Offset from the path / 2 m, at most 1, by time.
         overspeed: Speed above the limit / limit, by time.
-        headway: 1 - gap / (1.5 s times speed), if positive, to the nearest visible participant ahead, by time; 0 unless
-            weighted.
-        recorded: exp(-distance to the present position of the own recording / 2 m), by time; 0 without a recording, and
+        headway: 1 - gap / (1.5 s times speed), if positive, to the nearest visible participant ahead, by time; 0
             unless weighted.
+        recorded: exp(-distance to the present position of the own recording / 2 m), by time; 0 without a recording,
+            and unless weighted.
         limited: 1 in a step in which the vehicle could not execute the action.
         weight_change: Mean absolute change of the logarithms (base 10) of cost weights in a decision.
     """
