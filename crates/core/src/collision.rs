@@ -8,8 +8,8 @@ use crate::vehicle::Vehicle;
 
 /// Bodies that come nearer than this during a step are in contact [m].
 const CONTACT: f64 = 1e-4;
-/// After so many advances the bodies are taken to be in contact. Only a body that spins within millimetres of another
-/// one for most of a turn gets here.
+/// Number of advances after which the bodies count as in contact; reached only by a body that spins within millimetres
+/// of another one for most of a turn.
 const ADVANCES_MAX: usize = 2000;
 /// Between two looks at the road no point of a footprint moves farther than this [m].
 const ROAD_CHECK_SPACING: f64 = 0.25;
@@ -54,8 +54,8 @@ impl RigidMotion {
     }
 }
 
-/// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to
-/// 1e-4 m: bodies that pass nearer than that may be reported, those that touch are.
+/// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to 1e-4 m: bodies
+/// that pass nearer than that may be reported, touching bodies always are.
 pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pose) -> Option<f64> {
     let (motion_a, motion_b) = (RigidMotion::new(a0, a1), RigidMotion::new(b0, b1));
     let shift = motion_b.shift - motion_a.shift;

@@ -1,5 +1,5 @@
-//! Native predictors. Each answers for all participants that are present, from present and past alone; the one that
-//! looks into the recording is called `GroundTruth` and must be built from the scenario.
+//! Native predictors. Each predicts all present participants from present and past alone, except `GroundTruth`, which
+//! looks into the recording and must be built from the scenario.
 
 mod bending;
 mod lane_candidates;
@@ -242,8 +242,8 @@ pub(crate) fn told(
     lane_candidates::follow_lanes(out, i, (kind, state, age), &settings, (dt, road), &mut LaneCandidates::default());
 }
 
-/// Completes a table to a row for every participant present: one that is missing or has no valid mode goes
-/// straight on, or stays if standing.
+/// Completes a table to a row for every present participant: without a row or a valid mode it goes straight on, or
+/// stays if standing.
 pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Predictions> {
     let ids = || scene.present.iter().map(|row| scene.participants.ids[*row]);
     let is_known = |row: usize| {

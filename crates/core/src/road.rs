@@ -203,8 +203,8 @@ impl RoadNetwork {
         self.area.surface.find_lanelets(&around, found, |triangle| triangle.is_within(point, radius));
     }
 
-    /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best first:
-    /// those that contain the position, then by heading error, then by offset, then by id.
+    /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best
+    /// first: lanelets that contain the position, then by heading error, then by offset, then by id.
     pub fn matching(&self, pose: Pose, tolerance: f64, angle_max: f64) -> Vec<LaneMatch> {
         let mut matching = Matching::default();
         self.find_matching(pose, tolerance, angle_max, &mut matching);

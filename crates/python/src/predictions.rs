@@ -160,8 +160,8 @@ impl PyPredictions {
         self.only(ids.into_iter())
     }
 
-    /// With a row for every participant present in the scene: one that is missing or has no valid mode goes straight on. This
-    /// is what planners work with.
+    /// With a row for every participant present in the scene: without a row or a valid mode it goes straight on.
+    /// Planners work with these.
     fn completed(&self, scene: &PyScene) -> Self {
         Self::whole(completed(&self.table(), &scene.scene).into_owned())
     }
@@ -191,7 +191,7 @@ impl PyPredictions {
     }
 
     /// Ages of the received plans that are used instead of predictions [s], over all agents with V2X, and the number of
-    /// pairs of such an agent and another one that it knows of.
+    /// pairs of such an agent and a participant that it knows.
     fn plan_ages<'py>(&self, py: Python<'py>) -> (Row<'py, f64>, usize) {
         let told = self.told.as_deref();
         let ages = told.map_or_else(Vec::new, |told| told.ages().collect());

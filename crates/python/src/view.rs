@@ -117,8 +117,8 @@ getters! { PyView {
         None => vec![0; this.visible.len()],
         Some(known) => known.iter().map(|known| known.via).collect(),
     });
-    /// Age of what the agent was told about each participant [s], shape (participants,): of the plan for those that it
-    /// sees; 0 where it was told nothing.
+    /// Age of what the agent was told about each participant [s], shape (participants,): of the received plan for
+    /// visible participants; 0 where it was told nothing.
     age: Row<'py, f64> = |this, py| arrays::row(py, match &this.known {
         None => vec![0.0; this.visible.len()],
         Some(known) => known.iter().map(|known| known.age).collect(),

@@ -76,7 +76,7 @@ impl PyAgent {
     }
 }
 
-/// The world, and the time spent in its phases so far [ns].
+/// The world, and the time spent in its phases [ns].
 #[pyclass(name = "World", module = "interdrive._core")]
 pub struct PyWorld(World, AtomicU64);
 
@@ -138,9 +138,9 @@ impl PyWorld {
         Ok(PyScene { scene, road: Arc::clone(&self.0.scenario().road) })
     }
 
-    /// What an agent sees. `told` are the arc length of its rear axle on its reference path and the one that its front
-    /// must not pass [m], for how long [s] and because of whom; the world knows them, other processes must be told. `known` is what `Predictions.known` says;
-    /// without it the view has what the agent's sensors see.
+    /// What an agent sees. `told` are the arc length of its rear axle on its reference path, the arc length that its
+    /// front must not pass [m], for how long [s] and because of whom; the world knows them, other processes must be
+    /// told. `known` is what `Predictions.known` says; without it the view has what the agent's sensors see.
     #[pyo3(signature = (scene, id, told=None, known=None))]
     fn view(
         &self,
@@ -223,7 +223,7 @@ impl PyWorld {
         Ok(())
     }
 
-    /// Stretches in which agents held for others so far, as a dict of arrays; going_id -1: the way behind was blocked.
+    /// Stretches in which agents held for others, as a dict of arrays; going_id -1: the way behind was blocked.
     fn agreements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = self.0.agreements();
         let dict = PyDict::new(py);
@@ -240,7 +240,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Messages so far as a dict of arrays: one row per message, and one per message and receiver in range, with
+    /// All messages as a dict of arrays: one row per message, and one per message and receiver in range, with
     /// receiver_id -1 in the former, and arrived -1 where the message is lost; and totals. None if no agent has V2X.
     fn messages<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(log) = self.0.messages() else { return Ok(None) };
@@ -294,12 +294,12 @@ impl PyWorld {
         outcomes_dict(py, &self.0)
     }
 
-    /// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+    /// Participants and their states as a dict of arrays, shape (participants, time_steps).
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         states_dict(py, &self.0)
     }
 
-    /// Visibility intervals per observer and participant so far as a dict of arrays; empty unless the world records views.
+    /// Visibility intervals per observer and participant as a dict of arrays; empty unless the world records views.
     fn sightings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sightings: Vec<_> = self.0.recording().sightings().collect();
         let dict = PyDict::new(py);
@@ -310,7 +310,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
+    /// Waits before junctions as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let waits: Vec<_> = self.0.recording().waits().collect();
         let dict = PyDict::new(py);
@@ -323,7 +323,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// All plans so far as a dict of arrays, one row per time step and agent.
+    /// All plans as a dict of arrays, one row per time step and agent.
     fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         plans_dict(py, &self.0)
     }
@@ -354,7 +354,7 @@ pub fn outcomes_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py,
     Ok(dict)
 }
 
-/// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+/// Participants and their states as a dict of arrays, shape (participants, time_steps).
 pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
     let states = world.recording().states();
     let participants = world.participants();
@@ -382,7 +382,7 @@ pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, P
     Ok(dict)
 }
 
-/// All plans so far as a dict of arrays, one row per time step and agent.
+/// All plans as a dict of arrays, one row per time step and agent.
 pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
     let plans = world.recording().plans();
     let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
@@ -442,6 +442,6 @@ getters! { PyWorld {
     last_time_step: Option<i64> = |this| this.0.last_time_step();
     /// Pairs that touched when one of them entered and have not separated since.
     entered_in_contact: Vec<(i64, i64)> = |this| this.0.entered_in_contact();
-    /// Seconds that the core has worked in steps so far without the interpreter.
+    /// Seconds that the core has worked in steps without the interpreter.
     native_seconds: f64 = |this| 1e-9 * this.1.load(Ordering::Relaxed) as f64;
 } }

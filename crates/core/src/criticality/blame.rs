@@ -18,7 +18,8 @@ const CONTACT_MARGIN: f64 = 1e-3;
 const ONCOMING: f64 = 0.75 * PI;
 /// Up to this difference two drive side by side.
 const ALONGSIDE: f64 = 0.25 * PI;
-/// Of two that meet where lanelets cross, the one that turned more within this time before is the one that turns [s].
+/// Of two vehicles that meet where lanelets cross, the turning one is the vehicle that turned more within this time
+/// before [s].
 const TURN_TIME: f64 = 3.0;
 /// Vehicles slower than this stand [m/s].
 const STANDING: f64 = 0.05;

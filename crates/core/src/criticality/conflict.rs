@@ -71,7 +71,7 @@ pub(super) struct Encroachment {
     pub is_left_censored: bool,
     pub pet: Decisive,
     pub pet_series: Vec<Decisive>,
-    /// Row of the one that was first in the area of `pet`.
+    /// Row of the participant that was first in the area of `pet`.
     pub pet_first: u32,
     /// Remaining distance to the nearest area that it enters [m], 0 inside, infinite without one; per column.
     pub remaining: Vec<Decisive>,
@@ -250,7 +250,7 @@ impl<'a> Conflicts<'a> {
 }
 
 /// Connectors on the recorded route of a vehicle: driven along, and entered from a lanelet before it or left to one
-/// behind it. Of those that start or end in the same lanelet it is the one that was followed best.
+/// behind it. Among connectors that start or end in the same lanelet, the best followed one counts.
 fn connectors_of(
     traffic: &Traffic,
     track: &LaneletTrack,

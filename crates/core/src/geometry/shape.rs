@@ -85,7 +85,7 @@ impl Shape {
         Self { parts, outline, bounding_box, bounding_radius }
     }
 
-    /// The shape is one that a body can have; for shapes made of numbers from outside.
+    /// Checks that a body can have this shape; for shapes made of numbers from outside.
     ///
     /// # Errors
     /// `InvalidInput` if there is no part, a number is not finite or too large, or a length or radius is negative.

@@ -179,7 +179,7 @@ pub(super) fn decide(
     (None, Reason::Arrival)
 }
 
-/// Which of two roads without signs is the main one: the faster one, or at a T the one that goes on.
+/// The main road of two without signs: the faster one, or at a T the road that goes on.
 fn main_road([a, b]: [&Approach; 2], arrivals: &[f64], control: &Control) -> Option<usize> {
     // Not a number compares false.
     if a.limit >= b.limit + LIMIT_STEP {

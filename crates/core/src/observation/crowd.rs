@@ -5,7 +5,7 @@ use crate::scene::Scene;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
-/// A picture shows where participants were so long ago [s].
+/// Age of the past positions that the raster shows [s].
 const BEFORE: f64 = 0.5;
 
 /// A participant as an observer sees it.

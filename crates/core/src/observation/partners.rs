@@ -6,7 +6,7 @@ use crate::geometry::Point;
 /// Numbers of a participant, and of what is expected of it.
 const COLUMNS: usize = super::layout::PARTNER.len();
 const EXPECTED: usize = super::layout::PREDICTION.len();
-/// Expected places are told for so many seconds ahead.
+/// Times ahead at which expected positions are observed [s].
 const SECONDS: [f64; 3] = [1.0, 2.0, 3.0];
 
 /// Squared distance [m²], id and place among those seen: the nearest first.

@@ -7,7 +7,7 @@ use crate::scenario::{Goal, GoalState};
 
 /// Spacing of the table [m].
 const SPACING: f64 = 2.0;
-/// Road edges are sought so far beside the path [m].
+/// Lateral distance within which road edges are sought beside the path [m].
 const REACH: f64 = 20.0;
 
 /// Road edges beside a path, and the alternative of the goal that is observed.

@@ -16,7 +16,7 @@ const SIZE: f64 = 0.75;
 /// The observer's row and column.
 const ROW: f64 = 72.0;
 const COLUMN: f64 = 48.0;
-/// The path is drawn from so far behind the observer to so far ahead [m], in steps of [m].
+/// Extent of the drawn path behind and ahead of the observer [m], and its step [m].
 const BEHIND: f64 = 40.0;
 const AHEAD: f64 = 80.0;
 const STEP: f64 = 2.0;

@@ -318,7 +318,7 @@ impl Lanes {
         })
     }
 
-    /// The lane that the previous plan leads to; without one the lane that is nearest so far ahead [m].
+    /// The lane that the previous plan leads to; without a plan, the nearest lane at `ahead` [m].
     pub(super) fn aimed_at(&self, request: &PlanRequest, ahead: f64) -> Option<Aim> {
         let rear_axle = |pose: Pose| Pose { position: request.vehicle.rear_axle_from_center(pose), ..pose };
         let here = rear_axle(request.state.pose());

@@ -60,7 +60,7 @@ struct Way<'a> {
     valid: &'a [bool],
 }
 
-/// A box around a position and those that follow, along the way from the first to the last.
+/// A box around a position and the following positions, along the way from the first to the last.
 fn around(now: Point, way: Way) -> OrientedBox {
     let Some(last) = way.valid.iter().rposition(|valid| *valid) else {
         return OrientedBox { center: now, axis: Point::new(1.0, 0.0), half_length: 0.0, half_width: 0.0 };

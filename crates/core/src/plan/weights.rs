@@ -3,7 +3,7 @@
 use super::frenet::{CostWeights, FrenetSettings, N_TERMS};
 use crate::error::{Error, Result};
 
-/// A weight becomes at least and at most so many times what it was at first, when changes add up.
+/// Smallest and largest factor between a changed weight and its first value, when changes add up.
 const SHARES: (f64, f64) = (0.001, 2.0);
 /// The largest change in one decision, as a share of the first weight, when changes add up.
 const SHARE_STEP: f64 = 0.1;

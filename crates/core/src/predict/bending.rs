@@ -4,9 +4,9 @@ use super::waiting::narrowed;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::Predictions;
 
-/// Twice the standard deviation along the way leads at most so far beside a bend [m].
+/// Largest distance beside a bend to which twice the standard deviation along the way may lead [m].
 const BESIDE: f64 = 0.5;
-/// The curvature is that between so long before and after [s].
+/// Half the interval over which the curvature is measured [s].
 const INTERVAL: f64 = 0.3;
 /// Ways with less curvature are straight [1/m].
 const STRAIGHT: f64 = 0.01;

@@ -6,12 +6,13 @@ use crate::road::RoadNetwork;
 use crate::rules::Turning;
 use crate::trajectory::Predictions;
 
-/// A mode takes another way once it is so near to its middle, and so much farther from that of the shown one [m].
+/// A mode takes another way once it is this near to the middle of that way, and this much farther from the shown way
+/// [m].
 const NEAR: f64 = 2.0;
 const FARTHER: f64 = 1.5;
 /// Modes are looked at so often [s].
 const INTERVAL: f64 = 0.3;
-/// The shown way is searched so far around the expected place [m].
+/// Distance around the expected place within which the shown way is searched [m].
 const WINDOW: f64 = 20.0;
 
 /// The way that a vehicle shows.
@@ -25,8 +26,8 @@ pub struct ShownWay<'a> {
     pub from: (Point, f64),
 }
 
-/// Probabilities of the modes of a row, with a step of `dt` [s], without those that take another way than the one that the
-/// vehicle shows; `None` if there is no such mode, or no other.
+/// Probabilities of the modes of a row, with a step of `dt` [s], without the modes that take another way than the one
+/// the vehicle shows; `None` if there is no such mode, or no other.
 pub fn turn(table: &Predictions, row: usize, way: &ShownWay, road: &RoadNetwork, dt: f64) -> Option<Vec<f64>> {
     let n = table.n_modes;
     let stated = &table.probability[row * n..(row + 1) * n];

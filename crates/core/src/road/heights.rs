@@ -7,9 +7,9 @@ use crate::geometry::{Point, Pose};
 
 /// Ways that are farther apart in height than this [m] do not meet.
 const CLEARANCE: f64 = 3.0;
-/// Of two ways one above the other that fit a pose as well, the one that leads along its heading is meant [rad].
+/// Heading difference [rad] by which, of two equally good ways above each other, the way along the heading is chosen.
 const AGAINST: f64 = 0.1;
-/// On a slope the way from one to another is at most so many times their distance, and so much more [m].
+/// On a slope the way between two participants is at most their distance times this factor plus this length [m].
 const DETOUR: f64 = 1.5;
 const DETOUR_MIN: f64 = 10.0;
 

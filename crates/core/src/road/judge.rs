@@ -15,11 +15,11 @@ use crate::vehicle::Vehicle;
 const BEND_CURVATURE: f64 = 0.08;
 /// Edges are parted into pieces of this length [m] when bends are looked for ...
 const PIECE: f64 = 1.0;
-/// ... but into no more than so many, so that the cost follows the number of points and not the metres.
+/// ... but into at most this many, so that the cost follows the number of points and not the metres.
 const PIECES_MAX: f64 = 64.0;
 /// An edge belongs to lanelets that are within this distance of it [m].
 const BESIDE: f64 = 0.05;
-/// Points on the outline of a body are so far apart [m] when its overhang is measured, up to `PIECES_MAX` on a side.
+/// Spacing of the points on the outline of a body at which its overhang is measured [m], up to `PIECES_MAX` on a side.
 const OUTLINE_SPACING: f64 = 0.5;
 
 choice! {

@@ -267,7 +267,7 @@ fn overlap(before: &Lanelet, after: &Lanelet) -> f64 {
     }
 }
 
-/// Cuts lanelets where all their successors start before their end, and those that start before the end of all their
+/// Cuts lanelets where all their successors start before their end, and lanelets that start before the end of all their
 /// predecessors, so that arc lengths add up along a lane. Returns what was cut off.
 fn cut_overlaps(lanelets: &mut [Lanelet]) -> Result<Vec<Filler>> {
     let least = |overlaps: &mut dyn Iterator<Item = f64>| overlaps.reduce(f64::min).unwrap_or(0.0);
@@ -292,7 +292,7 @@ fn cut_overlaps(lanelets: &mut [Lanelet]) -> Result<Vec<Filler>> {
     Ok(cut_off)
 }
 
-/// A neighbour that states no neighbour on the shared side gets the one that named it.
+/// A neighbour without a neighbour on the shared side gets the lanelet that named it.
 fn return_adjacency(lanelets: &mut [Lanelet]) {
     for i in 0..lanelets.len() {
         for (stated, is_left) in [(lanelets[i].adjacent_left, true), (lanelets[i].adjacent_right, false)] {

@@ -37,7 +37,7 @@ pub struct Obstruction {
 }
 
 impl Obstruction {
-    /// One that is nowhere in particular.
+    /// A rejection without a place.
     pub fn nowhere(rejection: &str) -> Self {
         Self { rejection: rejection.into(), at: Point::new(f64::NAN, f64::NAN), overhang: f64::NAN }
     }

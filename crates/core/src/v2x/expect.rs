@@ -102,7 +102,7 @@ enum Filling {
     Bar(f64),
 }
 
-/// The additional rows so far.
+/// The additional rows.
 #[derive(Debug, Default)]
 struct Additional {
     extras: Vec<Extra>,

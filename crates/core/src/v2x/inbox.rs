@@ -18,7 +18,8 @@ pub(super) struct Heard {
 pub(super) struct Inbox {
     /// By the sender's place among the equipped agents.
     pub(super) heard: Vec<Heard>,
-    /// Newest report by object, with its time step and sender; of equally new ones that of the smaller id.
+    /// Newest report by object, with its time step and sender; of equally new reports, the sender with the smaller id
+    /// counts.
     pub(super) objects: BTreeMap<i64, (i64, usize, Object)>,
 }
 

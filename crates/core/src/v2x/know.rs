@@ -33,7 +33,7 @@ pub struct Known {
     pub age: f64,
     /// Row in the table of expectations.
     pub row: usize,
-    /// Place among those present; `None` for those that its sensors do not see.
+    /// Row among the present participants; `None` if its sensors do not see it.
     pub seen: Option<usize>,
 }
 

@@ -139,8 +139,9 @@ impl Message {
         }
     }
 
-    /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and flags,
-    /// 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of those that it yields to or passes, 6 an area.
+    /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and
+    /// flags, 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of an agent that it yields to or
+    /// passes, 6 an area.
     pub fn bytes(&self) -> usize {
         match &self.body {
             Body::Cam(_) => CAM_BYTES,
@@ -161,8 +162,8 @@ impl Message {
         }
     }
 
-    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids of
-    /// those that the sender passes last.
+    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids
+    /// of agents that the sender passes last.
     pub(super) fn cut(&mut self, max_bytes: usize) {
         let mut over = self.bytes().saturating_sub(max_bytes);
         if let Body::Mcm { points, way, yields_to, passes, areas, .. } = &mut self.body {
@@ -175,7 +176,7 @@ impl Message {
     }
 }
 
-/// Drops the last entries, of so many bytes each, until a message is no longer `over` its size, or none is left.
+/// Drops the last entries, of `bytes` bytes each, until a message is no longer `over` its size, or none is left.
 fn shorten<T>(entries: &mut Vec<T>, bytes: usize, over: &mut usize) {
     let dropped = over.div_ceil(bytes).min(entries.len());
     entries.truncate(entries.len() - dropped);

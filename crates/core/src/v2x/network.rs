@@ -102,7 +102,7 @@ impl Network {
         &self.log
     }
 
-    /// Stretches in which agents held for others, so far.
+    /// Stretches in which agents held for others.
     pub(crate) fn agreements(&self) -> &[Agreement] {
         &self.agreements
     }

@@ -13,9 +13,9 @@ const SPEED_CHANGE: f64 = 0.5;
 /// Shortest and longest time between states [s].
 const SHORTEST: f64 = 0.1;
 const LONGEST: f64 = 1.0;
-/// For so many states the interval of the last change is kept.
+/// Number of states for which the interval of the last change is kept.
 const REPEATS: u32 = 3;
-/// A planned point this far [m] from the one that was sent for the same time is news.
+/// Distance of a planned point from the point sent for the same time that triggers a message [m].
 const PLAN_CHANGE: f64 = 0.5;
 
 fn has_changed(now: &State, then: &State) -> bool {
@@ -110,8 +110,8 @@ impl Sent {
         self.cpm.is_none_or(|then| is_due(now, then, SHORTEST, dt))
     }
 
-    /// Which of the objects seen now are to be sent, at most `n_max`: those that were not sent for the longest time, then
-    /// the nearest to the sender, then by id. Notes that they are sent.
+    /// The visible objects to send, at most `n_max`: by the longest time since they were sent, then by distance to the
+    /// sender, then by id. Marks them as sent.
     pub(super) fn objects(&mut self, now: i64, own: &State, seen: Vec<Object>, n_max: usize, dt: f64) -> Vec<Object> {
         let sent = &self.objects;
         let is_due = |object: &Object| {

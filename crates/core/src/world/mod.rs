@@ -40,7 +40,7 @@ pub(crate) use staging::check_agents;
 pub use step::{Expected, Forecast, Step};
 pub(crate) use threads::Threads;
 
-/// For so many participants, expectations that need no network are made by one thread.
+/// Number of participants up to which one thread makes predictions that need no network.
 const FEW: usize = 12;
 
 /// An agent before the first step.
@@ -274,7 +274,7 @@ impl World {
         &self.participants
     }
 
-    /// What happened so far.
+    /// What has happened.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }

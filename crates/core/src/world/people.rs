@@ -43,7 +43,7 @@ impl World {
         Some((drive.way.crosswalks()[wait.crosswalk].entry - drive.front(), wait.by))
     }
 
-    /// Those who wait now, by ids; a pure function of the present state.
+    /// People who wait now, by ids; a pure function of the present state.
     fn waits(&self) -> &[CrosswalkWait] {
         self.waits.get_or_init(|| self.look_for_people())
     }

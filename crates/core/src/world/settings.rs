@@ -23,8 +23,8 @@ settings! {
 }
 
 impl StepSettings {
-    /// Number of time steps after which a run of a scenario with so many recorded time steps ends, whose last agent has
-    /// time for `needed` time steps.
+    /// Number of time steps after which a run ends, given the recorded time steps and the `needed` time steps of its
+    /// last agent.
     pub fn steps_at_most(&self, n_recorded: usize, needed: i64) -> usize {
         const OWN_TIMES_MAX: i64 = 20_000;
         let needed = needed.clamp(0, OWN_TIMES_MAX) as usize;

@@ -7,7 +7,7 @@ use crate::scenario::Scenario;
 
 /// An agent stands while it is slower than this [m/s] ...
 const SPEED: f64 = 0.05;
-/// ... and no further than this from where it came to stand [m]: one that creeps to its goal does not stand.
+/// ... and no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
 const PLACE: f64 = 0.1;
 
 /// Where an agent stands, and since which time step.

@@ -15,7 +15,7 @@ const WIDTH: f64 = 1.8;
 /// What is further away than this time at the limit does not matter [s]; places are examined this far apart [m].
 const TIME_MAX: f64 = 10.0;
 const STEP: f64 = 2.0;
-/// Its heading is that of a piece of its lane so long before it, or behind it where the lane begins [m].
+/// Length of the piece of its lane that gives its heading, before it, or behind it where the lane begins [m].
 const CHORD: f64 = 3.0;
 /// A vehicle that is slower than this holds those behind it [m/s].
 const BLOCKING: f64 = 1.0;
@@ -117,7 +117,7 @@ impl World {
         }
     }
 
-    /// A red light or a stop sign holds those who come from a lanelet into the next one.
+    /// A red light or a stop sign holds vehicles on the way from a lanelet into the next.
     fn is_held(&self, from: usize, next: usize) -> bool {
         let control = &self.scenario.control;
         control.lines.iter().filter(|line| line.lanelet == from).any(|line| {

@@ -68,14 +68,14 @@ pub(super) struct Episode {
     learners: Vec<Learner>,
     /// Agents with planners take part.
     has_traffic: bool,
-    /// Steps so far.
+    /// Steps taken.
     steps: usize,
     /// The step that has begun.
     step: Step,
     bodies: Vec<Body>,
     /// Positions of the bodies.
     positions: Vec<Point>,
-    /// Those that have ended in this step, by row.
+    /// Agents that have ended in this step, by row.
     last_bodies: Vec<Body>,
     visible: Vec<usize>,
     memory: ObservationMemory,
@@ -186,8 +186,8 @@ impl Episode {
         self.expect_for_observers(settings)
     }
 
-    /// Lets learners drive that have entered now; whether there are any. Those that come after the end of the world are
-    /// awaited no more.
+    /// Lets learners drive that have entered now, and returns whether there are any. Learners that would enter after
+    /// the end of the world are no longer awaited.
     fn admit(&mut self) -> bool {
         let mut have_entered = false;
         for learner in self.learners.iter_mut().filter(|learner| learner.is_awaited) {

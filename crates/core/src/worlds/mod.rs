@@ -135,7 +135,7 @@ pub struct Worlds {
 }
 
 impl Worlds {
-    /// So many worlds with so many rows each, without episodes.
+    /// `n_worlds` worlds with `slots` rows each, without episodes.
     ///
     /// # Errors
     /// `InvalidInput`: no stage, no world, impossible settings.
@@ -219,7 +219,7 @@ impl Worlds {
         self.places.iter().flat_map(|place| &place.ended)
     }
 
-    /// Queues the next episode of a world; the one that was queued is forgotten.
+    /// Queues the next episode of a world, in place of a queued one.
     ///
     /// # Errors
     /// `InvalidInput` for a world, scenario, or learner that does not exist, or more learners than rows.

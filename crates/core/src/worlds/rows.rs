@@ -38,7 +38,7 @@ impl<'a> Actions<'a> {
     }
 }
 
-/// The arrays of the caller, row-major; those that may be empty are then not written.
+/// The arrays of the caller, row-major; optional ones are empty and then not written.
 #[derive(Debug)]
 pub struct Buffers<'a> {
     /// Actions; not read by a reset.

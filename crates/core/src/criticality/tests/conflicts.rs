@@ -154,7 +154,7 @@ pub(in crate::criticality) fn straight_on(id: i64) -> Actor {
     Actor::car(id, (0..100).map(|k| state(-50.0 + f64::from(k), 0.0, 0.0, 10.0)))
 }
 
-/// Turns to the left after so many steps.
+/// Turns to the left after `after` steps.
 pub(in crate::criticality) fn turning(id: i64, after: f64) -> Actor {
     let at = |k: u32| {
         let s = f64::from(k) - after;

@@ -31,7 +31,7 @@ const NOWHERE: u32 = u32::MAX;
 struct Progress {
     /// Cost without prediction.
     base: f64,
-    /// Sum of the prediction term so far, and how many points of the order are in it.
+    /// Partial sum of the prediction term, and the number of points of the order in it.
     prediction: f64,
     n_done: usize,
     /// Its cost, once the prediction is in it.

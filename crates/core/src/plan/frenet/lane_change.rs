@@ -42,8 +42,8 @@ const END_MARGIN: f64 = 10.0;
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
 const LACK_WEIGHT: f64 = 2.0;
-/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two side by side the one that changes
-/// to the left, as from a ramp, falls back.
+/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two vehicles side by side, the
+/// vehicle that changes to the left, as from a ramp, falls back.
 const PASSING_WEIGHT: f64 = 1.0;
 const SIDE_BY_SIDE: f64 = 0.25;
 /// Vehicles up to this far away are looked at [m].

@@ -72,7 +72,7 @@ pub struct FrenetMemory {
     told: Told,
 }
 
-/// The terms of the chosen sample, for those who ask.
+/// The cost terms of the chosen sample, recorded only on request.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Told {
     /// Whether they are asked for.
@@ -134,13 +134,13 @@ impl Premises {
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
 /// If nothing is admissible, or the plan crawls and the road alone forbids a sample that would be cheaper and faster,
-/// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its path
-/// only, which are closer to each other then. A plan that crawls is only replaced by a faster one that costs less.
-/// If the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`); such a
-/// plan must also come further.
-/// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If no sample of an
-/// agent's first grid is admissible, others count before steered ones: as if the agent drove parallel to its path, then
-/// with higher limits of steering rate and lateral acceleration. (All later states come from the planner itself.)
+/// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its
+/// path only, which are closer to each other then. A crawling plan is only replaced by a faster and cheaper plan. If
+/// the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`); such a
+/// plan must also come further. Recorded initial states are noisy, and some drivers steer faster than the vehicle's
+/// parameters allow. If no sample of an agent's first grid is admissible, others count before steered ones: as if the
+/// agent drove parallel to its path, then with higher limits of steering rate and lateral acceleration. (All later
+/// states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
     memory.effort = 0;
     memory.told.terms = None;
@@ -359,7 +359,7 @@ pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidate
     found
 }
 
-/// All samples of the grid with the plan of before, or those that are steered to beat a plan.
+/// All samples of the grid with the previous plan, or the samples that are steered to beat a plan.
 fn sample_all(
     request: &PlanRequest,
     settings: &FrenetSettings,

@@ -10,10 +10,10 @@ use crate::vehicle::ParticipantKind;
 
 /// Distance to what stands and is passed [m]: the first one for which there is room.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
-/// Room is needed from so far before it to so far behind it [m], examined at such steps [m].
+/// Room needed before and behind the obstruction [m], examined at this step [m].
 pub(super) const LEAD: f64 = 1.0;
 pub(super) const STEP: f64 = 2.0;
-/// The agent moves to the side so long before it [s], but no less than this [m].
+/// Time before the obstruction at which the agent moves to the side [s], but at least this distance [m].
 const TIME: f64 = 3.0;
 pub(super) const LENGTH: f64 = 10.0;
 /// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.

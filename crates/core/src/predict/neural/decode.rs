@@ -264,7 +264,7 @@ impl<'a> Vehicle<'a> {
     }
 }
 
-/// For a stationary vehicle: all modes that hardly move become one that does not move at all.
+/// For a stationary vehicle: all modes that hardly move become one motionless mode.
 fn stay_or_go(modes: &mut Vec<Mode>) {
     let stays = |mode: &Mode| mode.s[N_KNOTS] < STAYS;
     if let Some(first) = modes.iter().copied().find(stays) {

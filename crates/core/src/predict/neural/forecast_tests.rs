@@ -30,7 +30,7 @@ fn tensor(name: &str, shape: &[usize], values: Vec<f32>) -> Tensor {
     Tensor { name: name.to_string(), shape: shape.to_vec(), values }
 }
 
-/// Tensors of a small network with so many modes per path, weights of this size.
+/// Tensors of a small network with `n_modes` modes per path and weights of this size.
 fn tensors(n_modes: usize, size: f32) -> Vec<Tensor> {
     let mut tensors = vec![
         tensor("calibration.s", &[N_KNOTS], vec![1.0; N_KNOTS]),

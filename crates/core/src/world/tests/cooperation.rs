@@ -13,7 +13,7 @@ fn connected(agents: Vec<Agent>, recorded: &[Recorded], v2x: V2xSettings) -> Wor
     world_with(agents, recorded, settings)
 }
 
-/// What happens at constant acceleration until it stands: one point per step for so many seconds.
+/// Drive at constant acceleration until standstill: one point per step for `seconds`.
 fn drive(from: State, acceleration: f64, seconds: f64) -> Vec<State> {
     let stop = if acceleration < 0.0 { -from.velocity / acceleration } else { f64::INFINITY };
     let at = |k: usize| {
