@@ -141,7 +141,7 @@ mod tests {
 
     const DT: f64 = 0.1;
     /// The curvature of a straight path is not exactly 0.
-    const NEAR: f64 = 2e-3;
+    const YAW_RATE_TOLERANCE: f64 = 2e-3;
 
     /// A path along x, then a left turn with a radius of 15 m from x = 150 m on.
     fn path() -> ReferencePath {
@@ -188,7 +188,7 @@ mod tests {
             (10.8, f64::NAN, 0.0),
         ] {
             let found = yaw_rate(&at(20.0, velocity, stated), &[]);
-            assert!((found - expected).abs() < NEAR, "{stated} rad/s at {velocity} m/s became {found}");
+            assert!((found - expected).abs() < YAW_RATE_TOLERANCE, "{stated} rad/s at {velocity} m/s became {found}");
         }
     }
 
@@ -214,7 +214,7 @@ mod tests {
     fn a_vehicle_that_heads_away_may_turn_back_to_its_path_quickly() {
         let askew = |yaw_rate| State { orientation: 0.3, ..at(20.0, 8.0, yaw_rate) };
         assert_eq!(yaw_rate(&askew(-0.42), &[]), -0.42, "back");
-        assert!(yaw_rate(&askew(0.55), &[]).abs() < NEAR, "further away");
+        assert!(yaw_rate(&askew(0.55), &[]).abs() < YAW_RATE_TOLERANCE, "further away");
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         let noisy = at(20.0, 8.0, 0.42);
         assert!((yaw_rate(&noisy, &past(&noisy, 0.05, 0.0)) - 0.05).abs() < 1e-9, "went on almost straight");
         let short = &past(&noisy, 0.05, 0.0)[8..];
-        assert!(yaw_rate(&noisy, short).abs() < NEAR, "two states say nothing");
+        assert!(yaw_rate(&noisy, short).abs() < YAW_RATE_TOLERANCE, "two states say nothing");
         let turned = State { orientation: std::f64::consts::PI, ..at(20.0, 0.3, f64::NAN) };
         assert!(yaw_rate(&turned, &past(&turned, 0.05, 0.0)).abs() < 0.06, "no jump at pi");
     }

@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 pub use conflict::Connector;
 pub use measure::Measure;
-pub use result::{Criticality, Exposure, Extreme, Series, Way};
+pub use result::{Criticality, Exposure, Extreme, LaneletPath, Series};
 pub use settings::{LeadMembership, Settings, ThwMode};
 pub use traffic::Traffic;
 

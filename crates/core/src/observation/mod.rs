@@ -19,7 +19,7 @@ use crate::scenario::Goal;
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::Vehicle;
 use crate::vehicle::single_track::steering_angle;
-pub use crowd::{Body, bodies, past_steps};
+pub use crowd::{ObservedBody, bodies, past_steps};
 pub use path_table::PathTable;
 pub use raster::{LAYERS, PIXELS, SIDE, draw};
 pub use settings::{AHEAD, Form, ObservationSettings};
@@ -117,7 +117,7 @@ impl Frame {
 /// Writes all blocks. `seen` are the participants that the observer sees, in any order.
 pub fn observe<'a>(
     observer: &Observer<'_>,
-    seen: impl Iterator<Item = &'a Body> + Clone,
+    seen: impl Iterator<Item = &'a ObservedBody> + Clone,
     settings: &ObservationSettings,
     memory: &mut ObservationMemory,
     out: &mut [f32],

@@ -1,6 +1,6 @@
 //! The other participants that an observer sees, the nearest ones, and what is expected of them.
 
-use super::{Body, Frame, Observer, Writer};
+use super::{Frame, ObservedBody, Observer, Writer};
 use crate::geometry::Point;
 
 /// Numbers of a participant, and of what is expected of it.
@@ -13,7 +13,12 @@ const SECONDS: [f64; 3] = [1.0, 2.0, 3.0];
 pub(super) type Nearest = Vec<(f64, i64, usize)>;
 
 /// Finds the `n` nearest, the smaller id first among equals.
-pub(super) fn nearest<'a>(frame: &Frame, seen: impl Iterator<Item = &'a Body>, n: usize, nearest: &mut Nearest) {
+pub(super) fn nearest<'a>(
+    frame: &Frame,
+    seen: impl Iterator<Item = &'a ObservedBody>,
+    n: usize,
+    nearest: &mut Nearest,
+) {
     nearest.clear();
     if n == 0 {
         return;
@@ -37,11 +42,11 @@ pub(super) fn nearest<'a>(frame: &Frame, seen: impl Iterator<Item = &'a Body>, n
 
 /// Calls `write` for all that are among the nearest, at the beginning of their rows.
 fn for_each<'a>(
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     nearest: &Nearest,
     (n, columns): (usize, usize),
     out: &mut Writer<'_>,
-    mut write: impl FnMut(&Body, &mut Writer<'_>),
+    mut write: impl FnMut(&ObservedBody, &mut Writer<'_>),
 ) {
     let start = out.next;
     out.zeros(n * columns);
@@ -57,7 +62,7 @@ fn for_each<'a>(
 pub(super) fn write<'a>(
     observer: &Observer<'_>,
     frame: &Frame,
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     n: usize,
     nearest: &Nearest,
     out: &mut Writer<'_>,
@@ -85,7 +90,7 @@ pub(super) fn write<'a>(
 pub(super) fn write_predictions<'a>(
     observer: &Observer<'_>,
     frame: &Frame,
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     n: usize,
     nearest: &Nearest,
     out: &mut Writer<'_>,

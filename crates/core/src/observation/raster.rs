@@ -1,7 +1,7 @@
 //! A picture of what an observer sees, from above: four layers of 96 x 96 pixels of 0.75 m, forward up, the observer's centre
 //! in the middle of the pixel in row 72 and column 48. A pixel is 255 if its centre is inside, 0 otherwise.
 
-use super::{Body, Frame, Observer};
+use super::{Frame, ObservedBody, Observer};
 use crate::geometry::Point;
 
 /// Pixels per side.
@@ -25,7 +25,7 @@ const N_STEPS: usize = ((BEHIND + AHEAD) / STEP) as usize + 1;
 const TOUCHING: f64 = 1e-9;
 
 /// Draws what an observer sees into `PIXELS` bytes. `seen` are the participants that it sees.
-pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a Body>, out: &mut [u8]) {
+pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a ObservedBody>, out: &mut [u8]) {
     let state = observer.state;
     let frame = Frame { origin: Point::new(state.x, state.y), axis: Point::from_angle(state.orientation) };
     out.fill(0);

@@ -6,7 +6,7 @@ use super::learned::{Action, ActionSpace};
 use super::{Other, PlanRequest, PlanResult};
 use crate::error::{Error, Result};
 use crate::network::linear::{Linear, relu};
-use crate::observation::{Body, ObservationMemory, ObservationSettings, Observer, PathTable, layout, observe};
+use crate::observation::{ObservationMemory, ObservationSettings, ObservedBody, Observer, PathTable, layout, observe};
 use crate::trajectory::Trajectory;
 
 /// Weights of a layer: (outputs, inputs) row-major, and bias (outputs,).
@@ -54,7 +54,7 @@ impl PartialEq for SharedPolicy {
 pub(super) struct PolicyMemory {
     inputs: Vec<f32>,
     outputs: Vec<f32>,
-    bodies: Vec<Body>,
+    bodies: Vec<ObservedBody>,
     observation: ObservationMemory,
 }
 
@@ -161,9 +161,9 @@ pub(super) fn plan(
 }
 
 /// Others are sorted by id, so their order stands for it.
-fn body((order, other): (usize, &Other<'_>)) -> Body {
+fn body((order, other): (usize, &Other<'_>)) -> ObservedBody {
     let what = (other.shape.extent(), other.kind, other.is_static);
-    let mut body = Body::of(order as i64, other.pose, other.velocity, what);
+    let mut body = ObservedBody::of(order as i64, other.pose, other.velocity, what);
     body.predicted = Some(other.row);
     body
 }

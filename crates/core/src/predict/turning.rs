@@ -8,8 +8,8 @@ use crate::trajectory::Predictions;
 
 /// A mode takes another way once it is this near to the middle of that way, and this much farther from the shown way
 /// [m].
-const NEAR: f64 = 2.0;
-const FARTHER: f64 = 1.5;
+const WAY_RADIUS: f64 = 2.0;
+const WAY_EXCESS: f64 = 1.5;
 /// Modes are looked at so often [s].
 const INTERVAL: f64 = 0.3;
 /// Distance around the expected place within which the shown way is searched [m].
@@ -50,13 +50,13 @@ fn takes_another_way(place: Point, way: &ShownWay, road: &RoadNetwork) -> bool {
     let lanelets = road.lanelets();
     let is_near = |other: &usize| {
         let foot = lanelets[*other].center.project(place);
-        (foot.s > 0.0 && foot.s < lanelets[*other].length && foot.distance < NEAR).then_some(foot.distance)
+        (foot.s > 0.0 && foot.s < lanelets[*other].length && foot.distance < WAY_RADIUS).then_some(foot.distance)
     };
     let nearest = way.turning.others.iter().filter_map(is_near).fold(f64::INFINITY, f64::min);
     let (position, s) = way.from;
     let aside =
         || way.path.project_near(place, s + place.distance(position), WINDOW).map_or(f64::INFINITY, |foot| foot.1);
-    nearest.is_finite() && aside().abs() > nearest + FARTHER
+    nearest.is_finite() && aside().abs() > nearest + WAY_EXCESS
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
-use super::message::{Body, Message, Object, PlanPoint};
+use super::message::{Message, Object, Payload, PlanPoint};
 use super::network::Network;
 use super::trigger::interpolated;
 use crate::geometry::shape::Shape;
@@ -247,7 +247,7 @@ impl Network {
     }
 
     fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
-        let Body::Mcm { status, is_emergency, spacing, points, .. } = &message.body else { return None };
+        let Payload::Mcm { status, is_emergency, spacing, points, .. } = &message.payload else { return None };
         // The next plan of an emergency is another one: it says no more than a short plan.
         if *is_emergency || ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
             return None;
@@ -292,7 +292,7 @@ impl Network {
     }
 
     fn write_plan(&self, out: &mut Predictions, row: usize, message: &Message, age: f64, off: Point) {
-        let Body::Mcm { spacing, points, .. } = &message.body else { unreachable!("only plans are written") };
+        let Payload::Mcm { spacing, points, .. } = &message.payload else { unreachable!("only plans are written") };
         let settings = &self.settings;
         out.probability[row * out.n_modes] = 1.0;
         let start = out.offset(row, 0);

@@ -114,10 +114,10 @@ impl World {
         let plan = match (&drive.agent.planner, drive.weights) {
             (Planner::Frenet(settings), Some(weights)) => {
                 let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
-                memory.told().is_asked = true;
+                memory.cost_breakdown().enabled = true;
                 let plan = plan::plan(&planner, &drive.prepared, &request, memory);
-                let told = std::mem::take(memory.told());
-                *drive.terms.lock() = told.terms;
+                let breakdown = std::mem::take(memory.cost_breakdown());
+                *drive.terms.lock() = breakdown.terms;
                 plan
             }
             (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),

@@ -21,7 +21,7 @@ const CHORD: f64 = 3.0;
 const BLOCKING: f64 = 1.0;
 
 /// A place from which a vehicle may come.
-struct Place {
+struct Origin {
     /// Position of the area in `Junctions::areas`.
     area: usize,
     pose: Pose,
@@ -85,7 +85,7 @@ impl World {
     }
 
     /// Places on the ways that lead to an area, from there backwards, as far as vehicles can come from them.
-    fn look_back(&self, area: usize, side: Side, look: &Look<'_>, places: &mut Vec<Place>) {
+    fn look_back(&self, area: usize, side: Side, look: &Look<'_>, places: &mut Vec<Origin>) {
         let road = &self.scenario.road;
         let mut left = vec![Stretch { lanelet: side.lanelet, front: side.entry, time: 0.0 }];
         let mut known: Vec<(usize, f64)> = Vec::new();
@@ -100,7 +100,7 @@ impl World {
                 if position.distance(look.eye) > look.radius {
                     break;
                 }
-                places.push(Place { area, pose: Pose { position, orientation: heading }, time });
+                places.push(Origin { area, pose: Pose { position, orientation: heading }, time });
                 (s, time) = (s - STEP, time + STEP / limit);
             }
             if s >= 0.0 {

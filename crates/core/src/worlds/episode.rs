@@ -7,7 +7,7 @@ use super::stage::{Cast, Stage};
 use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
-use crate::observation::{self, Body, ObservationMemory, Observer, PIXELS, PathTable};
+use crate::observation::{self, ObservationMemory, ObservedBody, Observer, PIXELS, PathTable};
 use crate::plan::Planner;
 use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
 use crate::plan::learned::{Action, ActionSpace};
@@ -72,11 +72,11 @@ pub(super) struct Episode {
     steps: usize,
     /// The step that has begun.
     step: Step,
-    bodies: Vec<Body>,
+    bodies: Vec<ObservedBody>,
     /// Positions of the bodies.
     positions: Vec<Point>,
     /// Agents that have ended in this step, by row.
-    last_bodies: Vec<Body>,
+    last_bodies: Vec<ObservedBody>,
     visible: Vec<usize>,
     memory: ObservationMemory,
 }
@@ -338,7 +338,7 @@ impl Episode {
                 && driver.outcome.kind != OutcomeKind::Running
                 && let Some(state) = driver.state
             {
-                self.last_bodies.push(Body::new(&self.step.scene, driver.row, &state, state.velocity));
+                self.last_bodies.push(ObservedBody::new(&self.step.scene, driver.row, &state, state.velocity));
             }
         }
     }
@@ -473,9 +473,10 @@ impl Episode {
         let last = if learner.is_driving { &[][..] } else { &self.last_bodies };
         let (pose, storeys) = (learner.state.pose(), &self.step.scene.participants.storeys);
         let radius = driver.agent.view.sensor_radius;
-        let is_near = |body: &Body| body.position.distance(pose.position) <= radius;
-        let is_seen =
-            |body: &&Body| body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()));
+        let is_near = |body: &ObservedBody| body.position.distance(pose.position) <= radius;
+        let is_seen = |body: &&ObservedBody| {
+            body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()))
+        };
         let seen = self.visible.iter().map(|place| &bodies[*place]).chain(last.iter().filter(is_seen));
         observation::observe(&observer, seen.clone(), &settings.observation, &mut self.memory, out);
         if !picture.is_empty() {

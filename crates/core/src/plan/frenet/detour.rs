@@ -3,7 +3,7 @@
 use super::super::PlanRequest;
 use super::super::car_following::LEADER_STATIONARY_SPEED;
 use super::super::frame::Start;
-use super::oncoming::{Lane, Order, Passer, distance, speeds};
+use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
 use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
 use crate::rules::{EARLY, travel_time};
 
@@ -155,14 +155,14 @@ impl Detour {
         deceleration: f64,
     ) -> Oncoming {
         let entries = self.entries(request, (from, to));
-        let lane = Lane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
+        let lane = OpposingLane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
         let mut found = Oncoming::None;
         for other in request.others.iter().filter(|other| !other.is_static) {
             let Some(distance) = distance(other, request, &entries) else { continue };
             match lane.order(other, passer) {
-                Order::First(end) => return Oncoming::GoesFirst(to + end),
-                Order::Waits => continue,
-                Order::None => {}
+                Priority::First(end) => return Oncoming::GoesFirst(to + end),
+                Priority::Waits => continue,
+                Priority::None => {}
             }
             let half = other.shape.oriented_box(other.pose).half_length;
             let (arrives, leaves) = (distance - half, distance + (to - from) + half);

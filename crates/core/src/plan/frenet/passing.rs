@@ -51,8 +51,8 @@ pub(super) enum Passage {
 impl Standing {
     /// Where the agent can pass it; not if it waits in a queue.
     pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
-        let is_left = is_left(other);
-        if !is_left && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
+        let is_parked = is_parked(other);
+        if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;
         }
         let found = self.sides(request, d_max, |place, road| road.is_own(place));
@@ -60,16 +60,16 @@ impl Standing {
             return Some(Passage::Here(offset));
         }
         let settings = request.rules.settings;
-        let may_be_left = !is_person(other) && (is_left || self.is_parked(request));
-        if !(settings.enabled && settings.passing && may_be_left) {
+        let may_be_passed = !is_person(other) && (is_parked || self.stands_aside(request));
+        if !(settings.enabled && settings.passing && may_be_passed) {
             return None;
         }
         let found = self.sides(request, d_max, |place, road| road.is_own(place) || road.is_open(place));
-        found.filter(|offset| is_left || offset * self.d < 0.0).map(Passage::Opposite)
+        found.filter(|offset| is_parked || offset * self.d < 0.0).map(Passage::Opposite)
     }
 
     /// A vehicle at the side that waits neither before a line or a crosswalk nor behind others.
-    fn is_parked(&self, request: &PlanRequest) -> bool {
+    fn stands_aside(&self, request: &PlanRequest) -> bool {
         let before = |s: f64| (self.rear..self.front + WAITING_REACH).contains(&s);
         let follows = |other: &Other| {
             let found = request.route.path.project_near(other.pose.position, self.front, WAITING_REACH);
@@ -109,8 +109,8 @@ impl Standing {
     }
 }
 
-/// It stands for good.
-pub(super) fn is_left(other: &Other) -> bool {
+/// It never moves, or is a parked vehicle.
+pub(super) fn is_parked(other: &Other) -> bool {
     other.is_static || other.kind == ParticipantKind::ParkedVehicle
 }
 

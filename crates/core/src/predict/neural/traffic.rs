@@ -5,7 +5,7 @@ use super::surroundings::PresentBody;
 
 /// Gaps are capped at this length [m].
 pub const GAP_MAX: f64 = 80.0;
-/// Crossing traffic counts if it reaches the path within this time [s].
+/// CrossingParticipant traffic counts if it reaches the path within this time [s].
 const CROSSING_TIME: f64 = 4.0;
 /// Slower ones [m/s] cross nothing.
 const CROSSING_SPEED: f64 = 0.5;
@@ -29,7 +29,7 @@ impl OnPath<'_> {
 
 /// A participant that crosses a path.
 #[derive(Clone, Copy)]
-pub struct Crossing {
+pub struct CrossingParticipant {
     pub s: f64,
     row: usize,
     pub time: f64,
@@ -44,7 +44,7 @@ pub struct Traffic<'a> {
     pub leader: Option<OnPath<'a>>,
     pub second: Option<OnPath<'a>>,
     pub follower: Option<OnPath<'a>>,
-    pub crossing: Option<Crossing>,
+    pub crossing: Option<CrossingParticipant>,
 }
 
 impl<'a> Traffic<'a> {
@@ -73,7 +73,7 @@ impl<'a> Traffic<'a> {
             let (along, direction) = (path.axis_of(segment), other.axis * other.velocity.signum());
             let (cos, sin) = (direction.dot(along), along.cross(direction));
             let (time, speed) = (fraction * CROSSING_TIME, other.velocity.abs());
-            self.crossing = Some(Crossing { s, row: other.row, time, speed, cos, sin });
+            self.crossing = Some(CrossingParticipant { s, row: other.row, time, speed, cos, sin });
         }
     }
 
