@@ -15,7 +15,7 @@ const ACCELERATION_MAX: f64 = 3.0;
 /// Of what tyres allow, a first yaw rate may use this share.
 const TYRE_SHARE: f64 = 0.5;
 /// The past that counts [s], and how many states of it are needed.
-const PAST: f64 = 1.0;
+const PAST_SPAN: f64 = 1.0;
 const PAST_STATES: usize = 4;
 /// A yaw rate may differ from those of the path by this much [rad/s], and by this lateral acceleration [m/s²].
 const YAW_RATE_TOLERANCE: f64 = 0.3;
@@ -26,7 +26,7 @@ const PATH_TIME: f64 = 1.0;
 const PATH_DISTANCE: f64 = 5.0;
 const BEHIND: f64 = 0.3;
 /// Curvature is averaged over this distance to both sides [m], where a vehicle starts over that of half a second.
-const SMOOTHING: f64 = 2.5;
+const SMOOTHING_DISTANCE: f64 = 2.5;
 /// A vehicle that heads away from its path turns back to it within this time [s].
 const RETURN_TIME: f64 = 1.0;
 
@@ -84,7 +84,7 @@ pub fn past_states(recorded: &States, row: usize, time_step: i64, dt: f64) -> Ve
 
 /// Number of states of the past that count.
 fn past_steps(dt: f64) -> usize {
-    (PAST / dt).round() as usize
+    (PAST_SPAN / dt).round() as usize
 }
 
 /// Largest yaw rate for steering and, with a reserve, tyres at a speed [rad/s].
@@ -105,11 +105,11 @@ fn path_yaw_rates(state: &State, path: &ReferencePath, s: Option<f64>, vehicle: 
     let reach = (state.velocity.abs() * PATH_TIME).max(PATH_DISTANCE);
     let steps = reach.ceil();
     let near = (0..=steps as usize)
-        .map(|step| yaw_rate(s + reach * ((1.0 + BEHIND) * step as f64 / steps - BEHIND), SMOOTHING));
+        .map(|step| yaw_rate(s + reach * ((1.0 + BEHIND) * step as f64 / steps - BEHIND), SMOOTHING_DISTANCE));
     let (low, high) =
         near.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), rate| (low.min(rate), high.max(rate)));
     let back = -wrap_angle(state.orientation - path.at(s).theta) / RETURN_TIME;
-    let expected = yaw_rate(s, SMOOTHING.max(0.5 * PATH_TIME * state.velocity.abs()));
+    let expected = yaw_rate(s, SMOOTHING_DISTANCE.max(0.5 * PATH_TIME * state.velocity.abs()));
     (expected, low + back.min(0.0), high + back.max(0.0))
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::evaluation_step::{Decisive, Via};
 use super::overlap::{Area, Overlaps};
-use super::traffic::{ALONG, LaneletTrack, Traffic};
+use super::traffic::{ALONG_ANGLE, LaneletTrack, Traffic};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
@@ -263,7 +263,7 @@ fn connectors_of(
     // Per lanelet: first and last column, number of columns, sum of distances to the centre line.
     let mut visits: BTreeMap<usize, (usize, usize, usize, f64)> = BTreeMap::new();
     for column in (0..traffic.states.n_steps).filter(|column| traffic.is_there(row, *column)) {
-        for here in track.here(column).iter().filter(|here| here.turn.abs() <= ALONG) {
+        for here in track.here(column).iter().filter(|here| here.turn.abs() <= ALONG_ANGLE) {
             let visit = visits.entry(here.lanelet as usize).or_insert((column, column, 0, 0.0));
             (visit.1, visit.2, visit.3) = (column, visit.2 + 1, visit.3 + here.distance);
         }

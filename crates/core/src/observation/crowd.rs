@@ -6,7 +6,7 @@ use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
 /// Age of the past positions that the raster shows [s].
-const BEFORE: f64 = 0.5;
+const PAST_AGE: f64 = 0.5;
 
 /// A participant as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -73,7 +73,7 @@ pub fn bodies(scene: &Scene, is_drawn: bool, out: &mut Vec<ObservedBody>) {
 
 /// Time steps of the past that a picture needs.
 pub fn past_steps(dt: f64) -> usize {
-    (BEFORE / dt).round() as usize
+    (PAST_AGE / dt).round() as usize
 }
 
 /// Vehicle, two-wheeler, pedestrian, anything else.

@@ -25,7 +25,7 @@ pub use raster::{LAYERS, PIXELS, SIDE, draw};
 pub use settings::{AHEAD, Form, ObservationSettings};
 
 /// The path's foot may be this far ahead of or behind the rear axle [m] before the observer counts as beyond its ends.
-const BEYOND: f64 = 0.5;
+const FOOT_TOLERANCE: f64 = 0.5;
 
 /// Who observes, and what it knows of itself.
 #[derive(Debug, Clone, Copy)]
@@ -157,7 +157,7 @@ fn ego(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
     out.put(left - center_offset, 10.0);
     out.put(right + center_offset, 10.0);
     out.put(limits.at(q), 40.0);
-    out.flag(at.tangent().dot(offset).abs() > BEYOND);
+    out.flag(at.tangent().dot(offset).abs() > FOOT_TOLERANCE);
 }
 
 fn goal(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {

@@ -11,9 +11,9 @@ use crate::trajectory::Predictions;
 const WAY_RADIUS: f64 = 2.0;
 const WAY_EXCESS: f64 = 1.5;
 /// Modes are looked at so often [s].
-const INTERVAL: f64 = 0.3;
+const LOOK_INTERVAL: f64 = 0.3;
 /// Distance around the expected place within which the shown way is searched [m].
-const WINDOW: f64 = 20.0;
+const WAY_WINDOW: f64 = 20.0;
 
 /// The way that a vehicle shows.
 #[derive(Debug, Clone, Copy)]
@@ -34,7 +34,7 @@ pub fn turn(table: &Predictions, row: usize, way: &ShownWay, road: &RoadNetwork,
     if stated.iter().filter(|one| **one > 0.0).count() < 2 {
         return None;
     }
-    let stride = ((INTERVAL / dt).round() as usize).max(1);
+    let stride = ((LOOK_INTERVAL / dt).round() as usize).max(1);
     let elsewhere = |mode: usize| {
         let start = table.offset(row, mode);
         let steps = (start..start + table.n_steps).skip(stride - 1).step_by(stride).take_while(|i| table.valid[*i]);
@@ -55,7 +55,7 @@ fn takes_another_way(place: Point, way: &ShownWay, road: &RoadNetwork) -> bool {
     let nearest = way.turning.others.iter().filter_map(is_near).fold(f64::INFINITY, f64::min);
     let (position, s) = way.from;
     let aside =
-        || way.path.project_near(place, s + place.distance(position), WINDOW).map_or(f64::INFINITY, |foot| foot.1);
+        || way.path.project_near(place, s + place.distance(position), WAY_WINDOW).map_or(f64::INFINITY, |foot| foot.1);
     nearest.is_finite() && aside().abs() > nearest + WAY_EXCESS
 }
 

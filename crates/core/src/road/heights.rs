@@ -6,11 +6,11 @@ use super::RoadNetwork;
 use crate::geometry::{Point, Pose};
 
 /// Ways that are farther apart in height than this [m] do not meet.
-const CLEARANCE: f64 = 3.0;
+const HEIGHT_CLEARANCE: f64 = 3.0;
 /// Heading difference [rad] by which, of two equally good ways above each other, the way along the heading is chosen.
-const AGAINST: f64 = 0.1;
+const ALIGNED_BY: f64 = 0.1;
 /// On a slope the way between two participants is at most their distance times this factor plus this length [m].
-const DETOUR: f64 = 1.5;
+const DETOUR_FACTOR: f64 = 1.5;
 const DETOUR_MIN: f64 = 10.0;
 
 /// Points of the middle of each lanelet with their heights [m]; none where a map does not state them.
@@ -52,7 +52,7 @@ impl RoadNetwork {
     /// Height of what is at a pose [m]: that of the lanelet there whose direction, or its opposite, fits best. `None` where
     /// the map states none.
     pub fn height_at(&self, pose: Pose) -> Option<f64> {
-        let aside = |error: f64| if error.abs() > FRAC_PI_2 { PI - error.abs() + AGAINST } else { error.abs() };
+        let aside = |error: f64| if error.abs() > FRAC_PI_2 { PI - error.abs() + ALIGNED_BY } else { error.abs() };
         let found = self.matching(pose, 0.0, PI);
         let best = found.iter().min_by(|a, b| aside(a.heading_error).total_cmp(&aside(b.heading_error)))?;
         self.height_of(best.lanelet, pose.position)
@@ -115,7 +115,7 @@ impl RoadNetwork {
 
     /// The lanelets ahead lead to what is beside or ahead without much of a detour: it is on the same slope.
     fn leads_to(&self, (pose, height): (Pose, Option<f64>), (other, there): (Pose, Option<f64>)) -> bool {
-        let reach = DETOUR * pose.position.distance(other.position) + DETOUR_MIN;
+        let reach = DETOUR_FACTOR * pose.position.distance(other.position) + DETOUR_MIN;
         let lanelets_at = |pose: Pose, height| {
             self.lanelets_at(pose.position).into_iter().filter(move |one| self.is_level(*one, pose.position, height))
         };
@@ -176,7 +176,7 @@ pub fn heights_are_apart(one: Option<f64>, other: Option<f64>) -> bool {
 }
 
 fn apart(one: f64, other: f64) -> bool {
-    (one - other).abs() > CLEARANCE
+    (one - other).abs() > HEIGHT_CLEARANCE
 }
 
 #[cfg(test)]

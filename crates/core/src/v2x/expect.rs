@@ -25,9 +25,9 @@ const SHORTEST_PLAN: f64 = 1.0;
 /// An agent this much faster or slower than planned [m/s] does not follow its plan.
 const SPEED_DEVIATION: f64 = 2.0;
 /// The distance between an agent in sight and its plan fades within this time [s].
-const FADING: f64 = 1.0;
+const FADING_TIME: f64 = 1.0;
 /// Below this speed [m/s] a plan stands.
-const STANDING: f64 = 0.1;
+const STANDING_SPEED: f64 = 0.1;
 /// Variance of the position of something that stands [m²].
 const STANDING_VARIANCE: f64 = 0.02;
 
@@ -301,8 +301,8 @@ impl Network {
             let ahead = (j + 1) as f64 * self.dt;
             let t = age + ahead;
             let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
-            has_stood &= velocity.abs() < STANDING;
-            let left = (1.0 - ahead / FADING).max(0.0);
+            has_stood &= velocity.abs() < STANDING_SPEED;
+            let left = (1.0 - ahead / FADING_TIME).max(0.0);
             let (along, across) = if has_stood {
                 (STANDING_VARIANCE, STANDING_VARIANCE)
             } else {

@@ -9,11 +9,11 @@ use crate::trajectory::State;
 /// Longest substep [s].
 const SUBSTEP: f64 = 0.1;
 /// Up to this speed [m/s] the yaw rate says nothing about the steering angle.
-const CREEPING: f64 = 0.1;
+const CREEPING_SPEED: f64 = 0.1;
 /// Over shorter ways [m] the change of heading says nothing about the steering angle.
 const NO_TRAVEL: f64 = 1e-6;
 /// Speeds below this [m/s] count as it in the bounds of curvature.
-const SLOW: f64 = 1.0;
+const SPEED_MIN: f64 = 1.0;
 
 choice! {
     /// What the second input is.
@@ -117,7 +117,7 @@ impl Kinematic {
 
     /// Curvature for a second number of 1 [1/m].
     fn curvature_at(&self, vehicle: &Vehicle, velocity: f64) -> f64 {
-        let by_tyres = self.lateral / velocity.max(SLOW).powi(2);
+        let by_tyres = self.lateral / velocity.max(SPEED_MIN).powi(2);
         vehicle.curvature_max().min(self.curvature).min(by_tyres)
     }
 
@@ -159,13 +159,13 @@ fn substeps(dt: f64) -> f64 {
 
 /// Steering angle of a state [rad], within the limits; `path_curvature` [1/m] is that of the path where it stands.
 pub fn steering_angle(vehicle: &Vehicle, state: &State, path_curvature: f64) -> f64 {
-    let curvature = if state.velocity > CREEPING { state.yaw_rate / state.velocity } else { path_curvature };
+    let curvature = if state.velocity > CREEPING_SPEED { state.yaw_rate / state.velocity } else { path_curvature };
     (vehicle.wheelbase * curvature).atan().clamp(-vehicle.steering_angle_max, vehicle.steering_angle_max)
 }
 
 /// Largest steering angle at a speed: that of the wheels and that of the tyres [rad].
 fn steering_bound(vehicle: &Vehicle, velocity: f64) -> f64 {
-    let by_tyres = (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.max(SLOW).powi(2)).atan();
+    let by_tyres = (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.max(SPEED_MIN).powi(2)).atan();
     vehicle.steering_angle_max.min(by_tyres)
 }
 

@@ -6,9 +6,9 @@ use crate::recording::OutcomeKind;
 use crate::scenario::Scenario;
 
 /// An agent stands while it is slower than this [m/s] ...
-const SPEED: f64 = 0.05;
+const STANDING_SPEED: f64 = 0.05;
 /// ... and no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
-const PLACE: f64 = 0.1;
+const STANDING_DISTANCE: f64 = 0.1;
 
 /// Where an agent stands, and since which time step.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +42,8 @@ impl World {
                 continue;
             };
             let at = state.pose().position;
-            let stands = |stand: &Stand| stand.at.distance(at) <= PLACE && state.velocity.abs() < SPEED;
+            let stands =
+                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < STANDING_SPEED;
             let stand = drive.stand.filter(stands).unwrap_or(Stand { at, since: time_step });
             drive.stand = Some(stand);
             let goal = &drive.agent.goal;

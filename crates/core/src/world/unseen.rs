@@ -10,15 +10,15 @@ use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
 
 /// A vehicle that is not seen is taken to be as large as a car [m].
-const LENGTH: f64 = 4.5;
-const WIDTH: f64 = 1.8;
+const HIDDEN_LENGTH: f64 = 4.5;
+const HIDDEN_WIDTH: f64 = 1.8;
 /// What is further away than this time at the limit does not matter [s]; places are examined this far apart [m].
 const TIME_MAX: f64 = 10.0;
-const STEP: f64 = 2.0;
+const LOOK_STEP: f64 = 2.0;
 /// Length of the piece of its lane that gives its heading, before it, or behind it where the lane begins [m].
-const CHORD: f64 = 3.0;
+const HEADING_CHORD: f64 = 3.0;
 /// A vehicle that is slower than this holds those behind it [m/s].
-const BLOCKING: f64 = 1.0;
+const BLOCKING_SPEED: f64 = 1.0;
 
 /// A place from which a vehicle may come.
 struct Origin {
@@ -59,7 +59,7 @@ impl World {
             return Vec::new();
         }
         let state = scene.state(drive.row);
-        let blocking = |place: usize| bodies[place].velocity < BLOCKING && seen(place) && !may_hide(rows[place]);
+        let blocking = |place: usize| bodies[place].velocity < BLOCKING_SPEED && seen(place) && !may_hide(rows[place]);
         let blocking: Vec<&Body> =
             (0..bodies.len()).filter(|place| blocking(*place)).map(|place| &bodies[place]).collect();
         let look = Look { eye: state.pose().position, radius: view.sensor_radius, blocking: &blocking };
@@ -71,7 +71,7 @@ impl World {
                 self.look_back(area, found.sides[1 - side], &look, &mut places);
             }
         }
-        let car = Shape::rectangle(LENGTH, WIDTH);
+        let car = Shape::rectangle(HIDDEN_LENGTH, HIDDEN_WIDTH);
         let all: Vec<_> = places.iter().map(|place| (&car, place.pose, false)).collect();
         let is_seen = scene.would_see(drive.row, view, &all, &may_hide);
         let mut earliest: Vec<Unseen> = Vec::new();
@@ -94,14 +94,14 @@ impl World {
             let limit = if here.speed_limit.is_nan() { SPEED_MAX } else { here.speed_limit.max(0.1) };
             let mut s = front;
             while s >= 0.0 && time <= TIME_MAX && !look.is_blocked(lanelet, s) {
-                let chord = [here.center.at((s - CHORD).max(0.0)), here.center.at(s.max(CHORD))];
+                let chord = [here.center.at((s - HEADING_CHORD).max(0.0)), here.center.at(s.max(HEADING_CHORD))];
                 let heading = (chord[1] - chord[0]).angle();
-                let position = here.center.at(s) - Point::from_angle(heading) * (0.5 * LENGTH);
+                let position = here.center.at(s) - Point::from_angle(heading) * (0.5 * HIDDEN_LENGTH);
                 if position.distance(look.eye) > look.radius {
                     break;
                 }
                 places.push(Origin { area, pose: Pose { position, orientation: heading }, time });
-                (s, time) = (s - STEP, time + STEP / limit);
+                (s, time) = (s - LOOK_STEP, time + LOOK_STEP / limit);
             }
             if s >= 0.0 {
                 continue;
@@ -139,6 +139,6 @@ impl Look<'_> {
     /// Something in view stands on a lanelet, its front at an arc length or up to a step before [m].
     fn is_blocked(&self, lanelet: usize, s: f64) -> bool {
         let places = self.blocking.iter().flat_map(|body| &body.places).filter(|place| place.lanelet == lanelet);
-        places.map(|place| place.s + place.to_front).any(|front| front <= s && front > s - STEP)
+        places.map(|place| place.s + place.to_front).any(|front| front <= s && front > s - LOOK_STEP)
     }
 }

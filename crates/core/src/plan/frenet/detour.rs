@@ -4,7 +4,7 @@ use super::super::PlanRequest;
 use super::super::car_following::LEADER_STATIONARY_SPEED;
 use super::super::frame::Start;
 use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
-use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
+use super::passing::{CLEARANCES, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::rules::{EARLY, travel_time};
 
 /// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
@@ -67,7 +67,7 @@ impl Detour {
         let (&(rear, front, offset), others) = blocks.split_first()?;
         let mut detour = Self { rear, front, offset, widest: offset };
         for (rear, front, offset) in others {
-            if *rear > detour.front + vehicle_length + 2.0 * LENGTH {
+            if *rear > detour.front + vehicle_length + 2.0 * SWING_LENGTH {
                 break;
             }
             detour.front = detour.front.max(*front);
@@ -179,7 +179,7 @@ impl Detour {
     fn entries(&self, request: &PlanRequest, (from, to): (f64, f64)) -> Vec<(usize, f64)> {
         let (path, road) = (&request.route.path, request.road);
         let mut found: Vec<(usize, f64)> = Vec::new();
-        let n = ((to - from) / STEP).ceil();
+        let n = ((to - from) / ROOM_STEP).ceil();
         let last = path.at(to).position;
         for i in 0..=n as usize {
             let at = path.at((from + (to - from) * i as f64 / n).max(0.0));

@@ -111,9 +111,9 @@ struct Assumptions {
 }
 
 /// Plans that end slower than this [m/s] crawl.
-const CRAWLING: f64 = 2.0;
+const CRAWLING_SPEED: f64 = 2.0;
 /// Samples that end faster by this [m/s] are clearly faster.
-const CLEARLY: f64 = 1.0;
+const FASTER_BY: f64 = 1.0;
 
 impl Assumptions {
     const NOMINAL: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
@@ -193,12 +193,12 @@ impl Incumbent {
 
     /// One of the samples that the vehicle cannot drive (cost, speed at the end) would be cheaper and clearly faster.
     fn is_held_by_limits(&self, undrivable: &[(f64, f64)]) -> bool {
-        undrivable.iter().any(|(cost, velocity)| *cost < self.cost && *velocity > self.velocity + CLEARLY)
+        undrivable.iter().any(|(cost, velocity)| *cost < self.cost && *velocity > self.velocity + FASTER_BY)
     }
 
     /// What steered samples take for granted.
     fn assumptions(&self) -> Assumptions {
-        if self.velocity > CRAWLING { Assumptions::NOMINAL } else { Assumptions::NARROW }
+        if self.velocity > CRAWLING_SPEED { Assumptions::NOMINAL } else { Assumptions::NARROW }
     }
 }
 
@@ -206,7 +206,7 @@ impl Incumbent {
 fn is_held_by_road(result: &PlanResult, memory: &FrenetMemory) -> bool {
     let slow = end_velocity(result);
     let better = |(cost, velocity): &(f64, f64)| *cost < result.cost && *velocity > slow;
-    slow < CRAWLING && memory.evaluation.off_road.iter().any(better)
+    slow < CRAWLING_SPEED && memory.evaluation.off_road.iter().any(better)
 }
 
 /// The cheapest plan where the road is narrow that ends faster than one of the same request and costs less. That
@@ -354,7 +354,7 @@ pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidate
     }
     let undrivable = all.undrivable.clone();
     let mut found = match all.chosen {
-        Some(chosen) if all.last_velocity[chosen] < CRAWLING && all.is_held_by_road(chosen) => {
+        Some(chosen) if all.last_velocity[chosen] < CRAWLING_SPEED && all.is_held_by_road(chosen) => {
             let mut narrow = sample_all(request, settings, Assumptions::NARROW, None);
             narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
             if narrow.chosen.is_some() { narrow } else { all }

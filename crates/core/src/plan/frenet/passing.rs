@@ -12,10 +12,10 @@ use crate::vehicle::ParticipantKind;
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
 /// Room needed before and behind the obstruction [m], examined at this step [m].
 pub(super) const LEAD: f64 = 1.0;
-pub(super) const STEP: f64 = 2.0;
+pub(super) const ROOM_STEP: f64 = 2.0;
 /// Time before the obstruction at which the agent moves to the side [s], but at least this distance [m].
-const TIME: f64 = 3.0;
-pub(super) const LENGTH: f64 = 10.0;
+const SWING_TIME: f64 = 3.0;
+pub(super) const SWING_LENGTH: f64 = 10.0;
 /// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
 pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
@@ -23,7 +23,7 @@ const WAITING_REACH: f64 = 15.0;
 
 /// How far ahead of its front the agent looks for a place beside what it passes [m].
 pub(super) fn reach(start: &Start) -> f64 {
-    LENGTH.max(TIME * start.velocity)
+    SWING_LENGTH.max(SWING_TIME * start.velocity)
 }
 
 /// What stands in the way, along and across the path.
@@ -98,7 +98,7 @@ impl Standing {
     fn has_room(&self, request: &PlanRequest, d: f64, admits: impl Fn(Point, &Section) -> bool) -> bool {
         let (path, vehicle) = (&request.route.path, request.vehicle);
         let length = self.front - self.rear + 2.0 * LEAD + vehicle.length;
-        let n = (length / STEP).ceil();
+        let n = (length / ROOM_STEP).ceil();
         let first = self.rear - LEAD - vehicle.length;
         (0..=n as usize).all(|i| {
             let at = path.at((first + length * i as f64 / n).max(0.0));

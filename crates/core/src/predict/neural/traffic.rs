@@ -10,7 +10,7 @@ const CROSSING_TIME: f64 = 4.0;
 /// Slower ones [m/s] cross nothing.
 const CROSSING_SPEED: f64 = 0.5;
 /// Footprints pass each other on a path if this much room [m] is left.
-const ROOM: f64 = 0.2;
+const PASSING_ROOM: f64 = 0.2;
 
 /// A participant on a path: bumper gap [m], velocity along the path [m/s], offset [m], body.
 #[derive(Clone, Copy)]
@@ -50,13 +50,13 @@ pub struct Traffic<'a> {
 impl<'a> Traffic<'a> {
     /// Adds a participant that is on the path or is going to cross it.
     pub fn meet(&mut self, path: &CandidatePath, own: &PresentBody, other: &'a PresentBody) {
-        let reach = own.half_width + other.half_length + ROOM;
+        let reach = own.half_width + other.half_length + PASSING_ROOM;
         let way = other.axis * (other.velocity * CROSSING_TIME);
         let candidates = path.look(other.position, reach, way);
         if let Some((s, offset, segment)) = path.near(other.position, reach, candidates) {
             let along = path.axis_of(segment);
             let (half_along, half_across) = other.half_extent(along);
-            if offset.abs() <= own.half_width + half_across + ROOM {
+            if offset.abs() <= own.half_width + half_across + PASSING_ROOM {
                 let gap = s.abs() - half_along - own.half_length;
                 let velocity = other.velocity * other.axis.dot(along);
                 self.on_path(OnPath { gap, velocity, offset, body: other }, s >= 0.0);
