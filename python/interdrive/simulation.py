@@ -83,7 +83,7 @@ class Simulation:
                 about all other agents.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: Seed for the choice of agents.
-            threads: Threads that plan; None: the number of cores. Results do not depend on it.
+            threads: Number of planning threads; None: the number of cores. Results do not depend on it.
             on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
                 "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
 
@@ -291,7 +291,7 @@ class Simulation:
             The finished run.
 
         Raises:
-            RunInterrupted: Ctrl-C; the exception holds the run so far.
+            RunInterrupted: Ctrl-C; the exception holds the run until then.
         """
         last = self.world.last_time_step or 0
         try:
@@ -305,7 +305,7 @@ class Simulation:
         return self.record()
 
     def record(self) -> Run:
-        """The run so far, as arrays."""
+        """The run until now, as arrays."""
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
@@ -440,8 +440,8 @@ def simulate(
         rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
         v2x: Mapping from agent ids (and "default") to whether they have V2X.
         settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
-        seed: Seed for the choice of agents, and of what cooperation draws.
-        threads: Threads that plan; None: the number of cores. Results do not depend on it.
+        seed: Seed for the choice of agents and for the random numbers of cooperation.
+        threads: Number of planning threads; None: the number of cores. Results do not depend on it.
         on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
         on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 

@@ -295,7 +295,9 @@ def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
     rows = found.differences.to_pylist()
     assert sum(row["low"] is not None and row["low"] < row["high"] for row in rows) == 3
     said = " ".join(found.caveats)
-    assert "2 differences have an interval over 20 or more scenarios (1 over all categories, 1 within categories)" in said
+    assert (
+        "2 differences have an interval over 20 or more scenarios (1 over all categories, 1 within categories)" in said
+    )
     assert "if all were truly zero, about 0.1 intervals or more would" in said
     assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
 

@@ -29,7 +29,8 @@ pub struct KnownBody {
     pub body: Result<usize, Told>,
 }
 
-/// What one agent knows. `ids`, `x`, ... are the participants that it sees or was told of; its own state is `state`.
+/// What one agent knows. `ids`, `x`, ... describe the participants that it sees or was told of; `ego` is the agent
+/// itself.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
 pub struct PyView {
     pub scene: Arc<Scene>,
@@ -216,13 +217,9 @@ impl PyView {
 
     /// The first contact along a drive that begins now with another participant in its most probable mode.
     ///
-    /// Args:
-    ///     x: Centres of the footprint [m], world frame, shape (points,); point i is `i * dt` from now.
-    ///     y: The same [m].
-    ///     orientation: Headings [rad], shape (points,).
-    ///     predictions: The others, as `plan` gets them.
-    ///     margin_length: By how much the others are longer, in all [m].
-    ///     margin_width: By how much they are wider, in all [m].
+    /// Args: x: Centres of the footprint [m], world frame, shape (points,); point i is `i * dt` from now. y: The same
+    ///     [m]. orientation: Headings [rad], shape (points,). predictions: The others, as `plan` gets them.
+    ///     margin_length: Total length added to the others [m]. margin_width: Total width added to the others [m].
     ///
     /// Returns:
     ///     (id, interval): interval i is between the points i and i + 1; None without a contact.
@@ -303,7 +300,7 @@ getters! { PyEgo {
     };
     /// Size and limits of the vehicle.
     vehicle: PyVehicle = |this| PyVehicle(this.view.get().agent.vehicle);
-    /// What it should reach.
+    /// The goal of the agent.
     goal: PyGoal = |this| PyGoal(this.view.get().agent.goal.clone());
     /// Lanelets to the goal and the reference path along them.
     route: PyRoute = |this| {
@@ -315,9 +312,9 @@ getters! { PyEgo {
     /// Arc length on the reference path that the front must not pass now [m], because of a red light, a stop sign, others
     /// at a junction or an agreement by V2X; infinite without one.
     stop_s: f64 = |this| this.view.get().progress.stop_s;
-    /// For how long it must not [s]; infinite: until it is told otherwise.
+    /// Time from now until which the front must not pass `stop_s` [s]; infinite: until further notice.
     stop_release: f64 = |this| this.view.get().progress.stop_release;
-    /// The participant to which it gives way there.
+    /// Id of the participant to which it gives way there.
     stop_by: Option<i64> = |this| this.view.get().progress.stop_by;
     /// Speed limit at every point of the reference path [m/s]; infinite where there is none.
     speed_limit: Row<'py, f64> = |this, py| arrays::row(py, this.view.get().speed_limit.clone());

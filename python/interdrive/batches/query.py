@@ -29,7 +29,7 @@ SECONDS, MEMORY = 60.0, 2.0 * 2**30
 #: What to do about them.
 RAISE_SECONDS, RAISE_MEMORY = "--timeout SECONDS gives it more time", "--memory SIZE allows more"
 
-#: DuckDB needs so much for its own sake [bytes].
+#: Memory that DuckDB itself needs [bytes].
 _MEMORY_MIN = 50_000_000
 
 #: Rows are read so many at a time; a value of Python takes about so much [bytes].
@@ -69,8 +69,8 @@ def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: fl
     Args:
         folder: Of the batch.
         text: The query.
-        seconds: It is given up after so long [s]; a single call of a function of DuckDB is not interrupted.
-        memory: DuckDB may use so much, and the result about as much again [bytes].
+        seconds: Time limit of the query [s]; a single call of a function of DuckDB is not interrupted.
+        memory: Memory limit of DuckDB [bytes]; the result may take about as much again.
 
     Raises:
         ResultsError: The folder is no batch, or damaged.

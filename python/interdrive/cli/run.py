@@ -150,7 +150,7 @@ def run(
             if stop.run.states.n_steps < 2:
                 raise KeyboardInterrupt from None
             save(stop.run, folder, overwrite=choices.overwrite)
-            raise KeyboardInterrupt(f"{stop}; the run so far is in {shown(folder)}") from None
+            raise KeyboardInterrupt(f"{stop}; the run until then is in {shown(folder)}") from None
         except InterdriveError:
             raise
         except Exception:

@@ -23,7 +23,8 @@ class Choice:
     """A planner or predictor with its settings.
 
     Attributes:
-        chosen: Name, `module:object`, record, object, class or factory; None for the one that all other agents have.
+        chosen: Name, `module:object`, record, object, class or factory; None: the planner or predictor of all other
+            agents.
         settings: Its settings by their dotted names, as text or plain values; those of the view begin with "view.".
     """
 

@@ -123,7 +123,7 @@ class SimulationSettings:
     record: RecordSettings = field(default_factory=RecordSettings)
 
 
-#: Settings of a run, or dotted names of those that are not the defaults: `{"view.sensor_radius": 40.0}`.
+#: Settings of a run, or a mapping of dotted names that overrides defaults: `{"view.sensor_radius": 40.0}`.
 SettingsSpec: TypeAlias = SimulationSettings | Mapping[str, Setting]
 
 

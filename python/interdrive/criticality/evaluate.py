@@ -213,7 +213,7 @@ class Criticality:
 
         Args:
             name: The measure.
-            n: At most so many.
+            n: Largest number of pairs.
             rows: If given, only moments of these judged participants, shape (judged,).
 
         Raises:

@@ -82,7 +82,7 @@ class ActionKind:
     space: gymnasium.Space[np.ndarray] | gymnasium.spaces.Discrete
 
     def array(self, rows: int) -> np.ndarray:
-        """An array for the actions of so many rows."""
+        """An array for the actions of `n` rows."""
         if isinstance(self.space, gymnasium.spaces.Discrete):
             return np.zeros(rows, dtype=np.int32)
         return np.zeros((rows, *self.shape), dtype=np.float32)

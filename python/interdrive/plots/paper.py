@@ -87,7 +87,7 @@ def draw_trajectories(run: RunRecord, agents: Sequence[int] | None = None, *, co
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: An id that is no agent of the run.
+        InputError: An id that is not an agent of the run.
     """
     shown = chosen_agents(run, agents)
     kept = np.isin(run.outcomes.agent_id, shown)

@@ -75,7 +75,7 @@ class FileSamples:
 
 
 def file_samples(recording: Recording, asked: Sequence[BoundPredictor], every: int) -> FileSamples | None:
-    """Asks predictors at every `every`-th time step; None if no vehicle can be judged.
+    """Asks predictors at every `every`-th time step; None if no vehicle can be evaluated.
 
     Raises:
         PredictorError: A predictor raised or returned garbage.

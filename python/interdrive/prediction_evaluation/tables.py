@@ -140,7 +140,7 @@ SAMPLE_COLUMNS = (
 
 @dataclass(frozen=True)
 class PredictionEvaluation:
-    """What `evaluate_predictors` found.
+    """The result of `evaluate_predictors`.
 
     Attributes:
         files: The files with samples, in order.
@@ -148,8 +148,8 @@ class PredictionEvaluation:
         samples: Every sample.
         timings: Milliseconds per call.
         notes: What was left out, and why.
-        settings: What was asked for, as plain values.
-        choices: The predictors, for asking them again.
+        settings: The arguments, as plain values.
+        choices: The predictors, to evaluate them again.
         simulation: Settings of predictors, road and steps.
     """
 

@@ -15,8 +15,8 @@ from interdrive.predictors.neural import network
 class GroundTruth:
     """The recorded future of vehicles that replay it; agents are expected to follow their lanes.
 
-    For studies only, because no real planner could know it. Vehicles that leave the recording are not predicted after
-    that.
+    For studies only, because no real planner could know it. Vehicles are not predicted beyond the end of their
+    recording.
     """
 
 

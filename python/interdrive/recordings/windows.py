@@ -85,7 +85,7 @@ def joined(recordings: Sequence[Scenario], *, raw: bool = False) -> Scenario:
 
     Args:
         recordings: At least two, in any order, read with `raw=True`.
-        raw: Leave headings as the files have them.
+        raw: Read recordings without repairs.
 
     Returns:
         The scenario; `path` is None, `notes` says how many participants continue, and what was cut or left out.

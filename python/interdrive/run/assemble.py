@@ -30,7 +30,7 @@ def digest(states: States) -> str:
 
 
 def outcomes_of(raw: dict[str, Any], planners: dict[int, str], tracebacks: dict[int, str]) -> Outcomes:
-    """Outcomes of all agents, from the core's table, with the names of planners and tracebacks of those that failed."""
+    """Outcomes of all agents, from the core's table, with the names of planners and the tracebacks of failed ones."""
     return Outcomes(
         agent_id=raw["agent_id"],
         planner=tuple(planners[i] for i in raw["agent_id"].tolist()),

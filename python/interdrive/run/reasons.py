@@ -46,7 +46,7 @@ _NAMED = ("pedestrian", "bicycle", "motorcycle", "train")
 
 
 def reasons(run: RunRecord, road: _core.RoadNetwork) -> tuple[str, ...]:
-    """One sentence per agent, in the order of `run.outcomes`; "" for those that reached their goal.
+    """One sentence per agent, in the order of `run.outcomes`; "" for agents that reached their goal.
 
     Args:
         run: The run; its outcomes need no reasons.

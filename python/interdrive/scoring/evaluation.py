@@ -50,7 +50,7 @@ FACTORS = ("alive", "fault", "road", "direction", "progress_min")
 #: A fault against these counts half: things, not participants in traffic.
 _THINGS = ("construction_zone", "structure")
 
-#: Lane keeping: at most so far from the reference path [m].
+#: Lane keeping: largest distance from the reference path [m].
 _LANE_KEEPING = 0.5
 
 #: Values above this are not worth a word.
@@ -65,10 +65,10 @@ class Score:
 
     Attributes:
         ids: Agents.
-        score: From 0 to 1, with excuses for what the recording of the same vehicle does itself.
-        score_strict: The same without excuses.
+        score: From 0 to 1; a term does not count if the recording of the same vehicle fails it, too.
+        score_strict: From 0 to 1; every term counts.
         terms: By name: `progress`, `ttc_term`, `speed_term`, `comfort_term`, `direction`, `lane_keeping` from 0 to 1,
-            nan where they cannot be told; `straight_ttc_min` [s], inf without a contact; `room` [m], nan without one.
+            nan where unknown; `straight_ttc_min` [s], inf without a contact; `room` [m], nan without a contact.
         fault: Whether a collision with another participant was the agent's fault.
         fault_kind: One of `FAULT_KINDS`; "" without a fault.
         fault_nuplan: nuPlan's verdict, for comparison.
@@ -122,11 +122,11 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.
-        ids: Agents; by default all but those whose recordings are in others (`Scenario.overlaps`).
+        ids: Agents; None: all whose recordings overlap no others (`Scenario.overlaps`).
         settings: Bounds, weights and reactions; the defaults otherwise.
 
     Raises:
-        InputError: An id that is no agent of the run.
+        InputError: An id that is not an agent of the run.
     """
     chosen = settings or ScoringSettings()
     known = run.outcomes.agent_id
@@ -189,7 +189,7 @@ def total(factors: Mapping[str, float], terms: Mapping[str, float], weights: Map
 
 
 def _has_recording(run: RunRecord) -> bool:
-    """The scenario is the one that was simulated: a run folder keeps its own without the recordings of agents."""
+    """Whether the scenario is the simulated one: a run folder keeps a copy without the recordings of agents."""
     path = run.scenario.path
     return path is None or not (path.name == "scenario.xml" and (path.parent / "run.json").exists())
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int64]
     Bools = NDArray[np.bool_]
 
-#: A stop counts if the vehicle is at most this fast [m/s] for so long [s].
+#: A stop counts if the vehicle is at most this fast [m/s] for this long [s].
 STOP_SPEED, STOP_TIME = 0.2, 0.3
 
 _RED, _GREEN, _DARK = SIGNALS.index("red"), SIGNALS.index("green"), SIGNALS.index("dark")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: A vehicle can only take lanelets that lead its way within this angle [rad].
 ANGLE_MAX = 1.0
-#: A route is followed so far beyond the last state of a vehicle [m].
+#: Distance for which a route is followed beyond the last state of a vehicle [m].
 _BEYOND = 20.0
 #: A shorter lanelet may have been passed between two states [m].
 _SHORT = 5.0
