@@ -180,8 +180,8 @@ class Idm(CarFollowing):
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
-        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
-            Positive and at most 100.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit. Positive
+            and at most 100.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
@@ -206,10 +206,10 @@ class IdmMobil(Idm):
 
     Attributes:
         politeness: Politeness p: weight of the gains and losses of the followers. Between -10 and 10.
-        changing_threshold: A change must gain more than this. Between 0 and 100.
-        safe_deceleration: The new follower must not have to brake harder than this, b_safe. Positive and at most
-            100.
-        bias: Bias for each lane nearer to the one that leads to the goal. Between 0 and 100.
+        changing_threshold: Smallest gain of a lane change. Between 0 and 100.
+        safe_deceleration: Largest deceleration b_safe that a lane change may impose on the new follower. Positive and
+            at most 100.
+        bias: Bias for each lane nearer to the lane that leads to the goal. Between 0 and 100.
         lane_change_duration: Duration of a lane change. Between 1 and 60.
     """
 
@@ -357,31 +357,30 @@ class RulesSettings:
     """Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
 
     Attributes:
-        enabled: False: it obeys none of them.
-        speed: It keeps to speed limits.
-        lights: It stops for traffic lights.
-        stop_signs: It stops at stop signs.
-        right_on_red: It turns right on red after it has stood before the line, where the country or a sign allows
-            it.
-        crossings: It gives way to people on crosswalks.
-        precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
-            as others keep to the same order.
-        keep_clear: It does not enter a junction without room behind it.
-        unseen: It is careful at junctions where buildings or parked vehicles hide a road that goes first, if
+        enabled: Whether an agent obeys any rule of the road.
+        speed: Keep to speed limits.
+        lights: Stop for traffic lights.
+        stop_signs: Stop at stop signs.
+        right_on_red: Turn right on red after standing before the line, where the country or a sign allows it.
+        crossings: Give way to people on crosswalks.
+        precedence: Give way at junctions: enter only when no other vehicle will use the way across, provided that
+            others keep to the same order.
+        keep_clear: Do not enter a junction without room to leave it.
+        unseen: Be careful at junctions where buildings or parked vehicles hide a road with priority, if
             `view.occlusion`.
-        passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
-            be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
-        trust_others: It relies on vehicles that do not obey to give way at junctions where they should, even if
-            they would have to brake hard by now.
-        blinkers: It shows by its blinkers which way it takes at a fork, with any planner. Predictions then take
-            this way, with less spread along bends.
-        speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
-        stop_duration: It stands this long at a stop sign, and before it turns right on red. Between 0 and 60.
-        lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
-        lag: It enters an area of a junction so long after another one has left. Between 0 and 60.
-        impatience: After standing for so long it is content with half of `lead`. Positive.
-        circle_after: Agents that stand for so long and wait for each other in a circle let one of them enter a
-            junction without room behind it. Positive.
+        passing: Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be
+            crossed and nobody is oncoming; planner `frenet` only.
+        trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they would
+            have to brake hard.
+        blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this
+            way, with less spread along bends.
+        speed_factor: Factor applied to posted speed limits. Positive and at most 3.
+        stop_duration: Standing time at a stop sign, and before turning right on red. Between 0 and 60.
+        lead: Least time between leaving a conflict zone and the next vehicle's arrival. Between 0 and 60.
+        lag: Least time between the previous vehicle's leaving a conflict zone and entering it. Between 0 and 60.
+        impatience: Standing time after which half of `lead` suffices. Positive.
+        circle_after: Standing time after which one of several agents that wait for each other in a circle may enter a
+            junction without room to leave it. Positive.
     """
 
     enabled: bool = True

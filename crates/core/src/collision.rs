@@ -132,12 +132,12 @@ pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -
     memory.found
 }
 
-/// Memory of the search for contacts; what it holds besides `found` has no meaning.
+/// Memory of the search for contacts; only `found` has a meaning.
 #[derive(Debug, Clone, Default)]
 pub struct ContactMemory {
     boxes: Vec<Aabb>,
     order: Vec<(f64, f64, usize)>,
-    /// What was found: as [`contacts`] returns it.
+    /// The contacts, as [`contacts`] returns them.
     pub found: Vec<(usize, usize, f64)>,
 }
 

@@ -83,7 +83,7 @@ pub struct Area {
     pub sides: [Side; 2],
     /// What two vehicles have beside each other [m]; infinite except for lanelets that run against each other.
     pub width: f64,
-    /// Convex hull of what is common.
+    /// Convex hull of the shared ground.
     pub hull: PlacedShape,
     /// Number of the junction.
     pub junction: usize,

@@ -224,8 +224,8 @@ fn predict_one(
     }
 }
 
-/// Writes what is expected of a participant that an agent was told of, into row `i`: `state` is moved to now, `age` is that of
-/// what was told [s]. Vehicles follow their lanes, with the default settings of `lane_following`.
+/// Writes the prediction of a participant that an agent was told of into row `i`: `state` is moved to now, `age` is
+/// that of what was told [s]. Vehicles follow their lanes, with the default settings of `lane_following`.
 pub(crate) fn told(
     out: &mut Predictions,
     i: usize,

@@ -1,4 +1,4 @@
-//! The first state of an agent: what is stated about it, as far as path, speed and past do not contradict that.
+//! The first state of an agent: the stated values, unless path, speed and past contradict them.
 //!
 //! First yaw rates and accelerations of recordings are differences of noisy positions in many data sets. A planner that
 //! takes them at their word swerves or brakes at once.

@@ -1,4 +1,4 @@
-//! What one agent knows, as arrays.
+//! The knowledge of one agent, as arrays.
 
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ pub struct KnownBody {
     pub body: Result<usize, Told>,
 }
 
-/// What one agent knows. `ids`, `x`, ... describe the participants that it sees or was told of; `ego` is the agent
+/// The knowledge of one agent. `ids`, `x`, ... describe the participants that it sees or was told of; `ego` is the agent
 /// itself.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
 pub struct PyView {

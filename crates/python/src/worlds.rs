@@ -325,7 +325,7 @@ impl PyWorlds {
         self.worlds.set_stages(stages).map_err(exception)
     }
 
-    /// What is known about the learners that have ended in the last call.
+    /// Information about the learners that ended in the last call.
     fn ended(&self) -> Vec<EndedParts> {
         self.worlds.ended().map(parts).collect()
     }

@@ -42,7 +42,7 @@ impl Reaction {
     }
 }
 
-/// What is asked of the judged agent and of others.
+/// Reactions expected of the judged agent and of others.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlameRequest {
     /// Agent and partner, as ids, the time step of the first states after the contact, and whether the partner drives
@@ -63,7 +63,7 @@ pub enum FaultKind {
     None,
     /// It entered the way of the other one with too little room left.
     CutOff,
-    /// It had room enough to brake for what was in its way.
+    /// It had enough room to brake before the other.
     RanInto,
     /// It met oncoming traffic outside the lanes that lead its way.
     WrongSide,
@@ -109,7 +109,7 @@ impl CollisionType {
     }
 }
 
-/// What is known about one contact.
+/// One contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
     /// Why it is the agent's fault.
@@ -173,7 +173,8 @@ impl Track<'_> {
         self.poses[step..].iter().any(|pose| self.wide.overlaps(*pose, other.shape, other.poses[step]))
     }
 
-    /// What it can still drive along its own track from a step until it would touch the other's footprint there [m].
+    /// Distance that it can still drive along its own track from a step until it would touch the other's footprint
+    /// there [m].
     fn gap(&self, other: &Self, step: usize) -> f64 {
         let mut driven = 0.0;
         for pair in self.poses[step..].windows(2) {

@@ -1,4 +1,4 @@
-//! One judged vehicle at one time step: the participants around it, which of them count, and what it follows.
+//! One evaluated vehicle at one time step: the participants around it, which of them count, and its leader.
 
 use std::cell::OnceCell;
 

@@ -112,7 +112,7 @@ pub fn exposure(ttc: &[f64], threshold: f64, dt: f64) -> (f64, f64) {
     ttc.iter().fold((0.0, 0.0), add)
 }
 
-/// What one sample adds to both sums of [`exposure`].
+/// The contribution of one sample to both sums of [`exposure`].
 pub fn exposure_of_sample(ttc: f64, threshold: f64, dt: f64) -> (f64, f64) {
     if ttc <= threshold { (dt, dt * (threshold - ttc)) } else { (0.0, 0.0) }
 }

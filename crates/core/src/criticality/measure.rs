@@ -1,6 +1,6 @@
 //! The measures, their names and their more critical directions.
 
-/// What is measured; the position is the place in [`super::Criticality::series`].
+/// A measure; its position is the index in [`super::Criticality::series`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Measure {

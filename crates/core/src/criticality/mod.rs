@@ -1,5 +1,5 @@
-//! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time
-//! step, and the harm of collisions. Evaluated afterwards, on what was recorded. See docs/reference/criticality.md.
+//! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time step,
+//! and the harm of collisions. Evaluated afterwards, on recorded states. See docs/reference/criticality.md.
 
 pub mod blame;
 mod conflict;
@@ -50,7 +50,7 @@ pub enum ConflictAreas {
     Crossing,
 }
 
-/// What is to be evaluated.
+/// A request for an evaluation.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// Participants to judge; each must be there at some time and not be static.

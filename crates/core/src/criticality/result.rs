@@ -41,7 +41,7 @@ pub struct LaneletPath {
     pub is_conflict_area: bool,
 }
 
-/// What is known about one participant beyond the measures at each time step.
+/// Results about one participant beyond the measures at each time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
     /// Time with a time to collision of at most the threshold [s].
@@ -88,7 +88,7 @@ pub(super) struct Judged {
     pub(super) exposure: Exposure,
 }
 
-/// The result from the parts of all judged participants: (row, deceleration) and what was found.
+/// The result from the parts of all evaluated participants: (row, deceleration) and their findings.
 pub(super) fn assemble(
     traffic: &Traffic,
     paths: &PathSystems,

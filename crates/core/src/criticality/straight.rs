@@ -14,7 +14,7 @@ const BEHIND_COS: f64 = -AHEAD_COS;
 /// Vehicles slower than this stand [m/s].
 const STANDING_SPEED: f64 = 0.005;
 
-/// What is asked about the time to contact.
+/// A request for times to contact.
 #[derive(Debug, Clone)]
 pub struct StraightRequest {
     /// Rows of the traffic, each with the distance from its rear axle forward to its centre [m].

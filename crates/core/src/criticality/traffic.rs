@@ -1,4 +1,4 @@
-//! What is judged: recorded states with footprints, completed, and the position of each participant on the road.
+//! The evaluated traffic: recorded states with footprints, completed, and the position of each participant on the road.
 
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;

@@ -27,7 +27,7 @@ pub use settings::{AHEAD, Form, ObservationSettings};
 /// The path's foot may be this far ahead of or behind the rear axle [m] before the observer counts as beyond its ends.
 const FOOT_TOLERANCE: f64 = 0.5;
 
-/// Who observes, and what it knows of itself.
+/// The observing vehicle and its knowledge of itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Observer<'a> {
     /// Its state.
@@ -36,7 +36,7 @@ pub struct Observer<'a> {
     pub vehicle: &'a Vehicle,
     /// Its route.
     pub route: &'a Route,
-    /// What is known about the route beforehand.
+    /// Precomputed information about the route.
     pub table: &'a PathTable,
     /// Speed limits along the path.
     pub limits: &'a SpeedLimits,
@@ -44,7 +44,7 @@ pub struct Observer<'a> {
     pub goal: &'a Goal,
     /// The roads.
     pub road: &'a RoadNetwork,
-    /// What is expected of others; `None`: nothing.
+    /// Predictions of others, if any.
     pub predictions: Option<&'a Predictions>,
     /// Arc length of its rear axle on the path [m].
     pub s: f64,

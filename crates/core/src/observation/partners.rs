@@ -1,9 +1,9 @@
-//! The other participants that an observer sees, the nearest ones, and what is expected of them.
+//! The nearest participants that an observer sees, and their predictions.
 
 use super::{Frame, ObservedBody, Observer, Writer};
 use crate::geometry::Point;
 
-/// Numbers of a participant, and of what is expected of it.
+/// Numbers of a participant, and of its prediction.
 const COLUMNS: usize = super::layout::PARTNER.len();
 const EXPECTED: usize = super::layout::PREDICTION.len();
 /// Times ahead at which expected positions are observed [s].
@@ -86,7 +86,7 @@ pub(super) fn write<'a>(
     });
 }
 
-/// Writes the block of predictions; what is not expected at a time is zero.
+/// Writes the block of predictions; zero where there is none.
 pub(super) fn write_predictions<'a>(
     observer: &Observer<'_>,
     frame: &Frame,

@@ -102,7 +102,7 @@ impl Start {
 }
 
 impl Start {
-    /// The agent (almost) stands, so its steering is what it wants it to be.
+    /// The agent (almost) stands, so it may choose its steering.
     pub(super) fn steers_freely(&self) -> bool {
         self.velocity <= CREEPING_SPEED
     }

@@ -66,7 +66,7 @@ struct Piece {
     lane_end: f64,
 }
 
-/// What is left to do for an agent in a lane.
+/// The remaining task of an agent in a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Need {
     /// Lane changes that are missing to the goal.
@@ -281,7 +281,7 @@ impl Lane {
         &self.pieces[i.min(self.pieces.len() - 1)]
     }
 
-    /// What is left to do at an arc length; `None` if the goal cannot be reached from there.
+    /// The remaining task at an arc length; `None` if the goal cannot be reached from there.
     pub(super) fn need(&self, s: f64) -> Option<Need> {
         let Piece { changes, last_chance, lane_end, .. } = *self.piece_at(s);
         (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end })

@@ -12,7 +12,7 @@ use crate::trajectory::Trajectory;
 /// Weights of a layer: (outputs, inputs) row-major, and bias (outputs,).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerWeights {
-    /// What it is called, for messages.
+    /// Its name, for messages.
     pub name: String,
     /// Row-major.
     pub weight: Vec<f32>,

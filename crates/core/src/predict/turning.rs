@@ -18,7 +18,7 @@ const WAY_WINDOW: f64 = 20.0;
 /// The way that a vehicle shows.
 #[derive(Debug, Clone, Copy)]
 pub struct ShownWay<'a> {
-    /// What it does at the fork.
+    /// Its turn at the fork.
     pub turning: &'a Turning,
     /// Its path.
     pub path: &'a ReferencePath,
@@ -89,7 +89,7 @@ mod tests {
         table
     }
 
-    /// What is left of the modes if it shows the way onto the lanelet straight on (1) or to the left (2).
+    /// The remaining modes if it shows the way onto the lanelet straight on (1) or to the left (2).
     fn kept(table: &Predictions, lanelet: usize) -> Option<Vec<f64>> {
         let road = fork();
         let way = [straight_on, left][lanelet - 1];

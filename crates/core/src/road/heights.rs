@@ -49,8 +49,8 @@ impl RoadNetwork {
         best.map(|(_, height)| height)
     }
 
-    /// Height of what is at a pose [m]: that of the lanelet there whose direction, or its opposite, fits best. `None` where
-    /// the map states none.
+    /// Height at a pose [m]: that of the lanelet there whose direction, or its opposite, fits best. `None` where the
+    /// map states none.
     pub fn height_at(&self, pose: Pose) -> Option<f64> {
         let aside = |error: f64| if error.abs() > FRAC_PI_2 { PI - error.abs() + ALIGNED_BY } else { error.abs() };
         let found = self.matching(pose, 0.0, PI);
@@ -58,8 +58,8 @@ impl RoadNetwork {
         self.height_of(best.lanelet, pose.position)
     }
 
-    /// Height at a pose of what was at another height a moment before [m]: nothing jumps from one way to the one above.
-    /// What is beside all lanelets keeps its height.
+    /// Height at a pose of a participant that was at another height a moment before [m]: nothing jumps from one road to
+    /// the road above. A participant beside all lanelets keeps its height.
     pub fn height_from(&self, before: Option<f64>, pose: Pose) -> Option<f64> {
         let Some(before) = before else { return self.height_at(pose) };
         let here = self.lanelets_at(pose.position);
@@ -170,7 +170,7 @@ impl RoadNetwork {
     }
 }
 
-/// What is at these heights [m] does not meet; where one is not known, it does.
+/// Whether participants at these heights [m] are too far apart to meet; never if a height is unknown.
 pub fn heights_are_apart(one: Option<f64>, other: Option<f64>) -> bool {
     one.zip(other).is_some_and(|(one, other)| apart(one, other))
 }

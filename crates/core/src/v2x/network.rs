@@ -133,8 +133,8 @@ impl Network {
         self.ids.binary_search(&id).ok()
     }
 
-    /// Sends what is due at a time step. Speakers by ascending id; `listeners` are places and positions of the equipped
-    /// agents that are present.
+    /// Sends the messages due at a time step. Speakers by ascending id; `listeners` are places and positions of the
+    /// equipped agents that are present.
     pub(crate) fn send(&mut self, now: i64, speakers: Vec<Speaker<'_>>, listeners: &[(usize, Point)]) {
         for mut speaker in speakers {
             let from = speaker.state.pose().position;
@@ -233,7 +233,7 @@ impl Network {
         self.log.note(row, &self.links);
     }
 
-    /// Files what arrives at a time step, and forgets what is too old then.
+    /// Files messages that arrive at a time step, and discards messages that are too old.
     pub(crate) fn file(&mut self, now: i64) {
         self.heard.fill(0);
         let mut arrived = self.queue.pop_front().unwrap_or_default();

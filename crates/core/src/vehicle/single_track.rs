@@ -47,7 +47,7 @@ settings! {
 pub struct Moved {
     /// The state.
     pub state: State,
-    /// The vehicle could not do what was asked for.
+    /// The vehicle could not execute the action.
     pub limited: bool,
 }
 

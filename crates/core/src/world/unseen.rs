@@ -12,7 +12,7 @@ use crate::vehicle::ParticipantKind;
 /// A vehicle that is not seen is taken to be as large as a car [m].
 const HIDDEN_LENGTH: f64 = 4.5;
 const HIDDEN_WIDTH: f64 = 1.8;
-/// What is further away than this time at the limit does not matter [s]; places are examined this far apart [m].
+/// Largest time at the speed limit within which hidden vehicles matter [s], and spacing of examined places [m].
 const TIME_MAX: f64 = 10.0;
 const LOOK_STEP: f64 = 2.0;
 /// Length of the piece of its lane that gives its heading, before it, or behind it where the lane begins [m].

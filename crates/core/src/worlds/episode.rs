@@ -56,7 +56,7 @@ struct Learner {
     components: Amounts,
 }
 
-/// A world and what it needs to be played.
+/// A world and the state of its episode.
 #[derive(Debug, Clone)]
 pub(super) struct Episode {
     world: World,
@@ -526,7 +526,7 @@ impl Episode {
         }
     }
 
-    /// Adds what is to be told about the learners that have ended in this call; `first_row` is that of the world.
+    /// Adds the information about learners that ended in this call; `first_row` is that of the world.
     pub(super) fn tell(&self, first_row: usize, settings: &WorldsSettings, ended: &mut Vec<Ended>) {
         for (slot, learner) in self.learners.iter().enumerate().filter(|(_, learner)| learner.has_ended) {
             let outcome = self.world.driver(learner.agent).outcome;

@@ -41,7 +41,7 @@ pub struct WorldsSettings {
     pub actions: ActionSpace,
     /// What learners observe.
     pub observation: ObservationSettings,
-    /// What they are rewarded for.
+    /// Weights of their rewards.
     pub rewards: RewardWeights,
     /// Steps of the worlds.
     pub step: StepSettings,

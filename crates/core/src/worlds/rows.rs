@@ -70,7 +70,7 @@ pub struct Buffers<'a> {
 /// The part of a world.
 pub(super) type Rows<'a> = Buffers<'a>;
 
-/// Takes a part from the front of what is left.
+/// Takes a part from the front of the remainder.
 fn front<'a, T>(rest: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let whole = std::mem::take(rest);
     let (part, others) = whole.split_at_mut(n.min(whole.len()));

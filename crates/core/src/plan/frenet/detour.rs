@@ -7,15 +7,15 @@ use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
 use super::passing::{CLEARANCES, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::rules::{EARLY, travel_time};
 
-/// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
-/// way already.
+/// Least time between leaving the oncoming lane and the next oncoming vehicle [s]; less if the agent is already on its
+/// way.
 const GAP: f64 = 2.0;
 const GAP_UNDER_WAY: f64 = 0.5;
-/// Who waits to pass stands so far behind [m]: from there it can swing out, or one that passes from the other end can
-/// return before it.
+/// Distance behind the obstruction at which an agent waits [m]: from there it can swing out, and a vehicle that passes
+/// from the other end can return before it.
 const WAITING_GAP: f64 = 7.0;
 const YIELDING_GAP: f64 = 11.0;
-/// Its swing ends when its front is so far beside [m], but is neither shorter nor longer than this.
+/// Offset of the front at which the swing ends [m], and the shortest and longest swing.
 const SWING_BESIDE: f64 = 2.0;
 const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
@@ -174,8 +174,8 @@ impl Detour {
         found
     }
 
-    /// Lanelets of the other direction beside the path and those that lead into them, with the arc length on each, beyond
-    /// its end on those before, at which oncoming vehicles reach the stretch [m].
+    /// Oncoming lanelets beside the path and their predecessors, with the arc length on each, beyond the end of
+    /// predecessors, at which oncoming vehicles reach the stretch [m].
     fn entries(&self, request: &PlanRequest, (from, to): (f64, f64)) -> Vec<(usize, f64)> {
         let (path, road) = (&request.route.path, request.road);
         let mut found: Vec<(usize, f64)> = Vec::new();

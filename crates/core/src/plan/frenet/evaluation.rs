@@ -254,8 +254,8 @@ impl<'a> Evaluation<'a> {
         self.tables.samples.load_path(profile, &self.problem.request.route.path);
     }
 
-    /// Writes the trajectory of a sample and says what is wrong with it. Points that are undefined (near the centre of
-    /// the path's curvature) repeat the one before.
+    /// Writes the trajectory of a sample and returns its fault. Points that are undefined (near the centre of the
+    /// path's curvature) repeat the one before.
     pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
         self.tables.memory.points.clear();
         let Some((profile, end_offset)) = self.cell(sample) else {

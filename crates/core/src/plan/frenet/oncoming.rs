@@ -7,13 +7,13 @@ use crate::geometry::Point;
 
 /// Modes that are less probable do not count.
 const PROBABILITY_MIN: f64 = 0.2;
-/// An oncoming vehicle is at most so far beside its lane [m], while it passes something itself.
+/// Largest offset of an oncoming vehicle from its lane while it passes something itself [m].
 const PASSING_OFFSET: f64 = 2.0;
 /// Two have to agree who goes first if what they pass is less than this apart [m].
 const OBSTRUCTION_DISTANCE: f64 = 50.0;
 /// Something blocks a lane if it leaves a vehicle less than this on one side of the middle [m].
 const BLOCKING_MARGIN: f64 = 0.3;
-/// A vehicle that has moved so far towards the lane of the other one [m] goes first.
+/// Offset towards the opposing lane from which a vehicle goes first [m].
 const COMMITTED_OFFSET: f64 = 0.5;
 /// Differences of distances that are less than this [m] do not decide.
 const DISTANCE_TIE: f64 = 0.5;
@@ -26,7 +26,7 @@ const TRUSTED_SPEED: f64 = 3.0;
 /// Which of two goes first, as both see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Priority {
-    /// The other one, which passes something that ends so far before the stretch [m].
+    /// The other vehicle, which passes something that ends this far before the stretch [m].
     First(f64),
     /// The agent, and the other one is parked or slow enough to wait.
     Waits,
@@ -53,8 +53,8 @@ impl Passer {
         Self { gap, moved: side * d, velocity: request.state.velocity, position }
     }
 
-    /// Both vehicles find the same one: one that has begun, then the nearer one, then the one with the smaller
-    /// coordinates, which is arbitrary but never the same for both.
+    /// Both vehicles find the same answer: the vehicle that has begun goes first, then the nearer one, then the vehicle
+    /// with the smaller coordinates, which is arbitrary but never the same for both.
     fn passes_first(&self, other: &Self, seconds: f64) -> bool {
         let is_over = |passer: &Self| passer.moved > COMMITTED_OFFSET;
         if is_over(self) != is_over(other) {
@@ -101,8 +101,8 @@ impl OpposingLane<'_> {
         if passer.velocity.abs() <= TRUSTED_SPEED && can_stop { Priority::Waits } else { Priority::None }
     }
 
-    /// An oncoming vehicle that has to pass something near what the agent passes, so far before the stretch and so far
-    /// moved over [m]; and how far before the stretch that ends [m].
+    /// An oncoming vehicle `ahead` of the stretch and `moved` over [m] that has to pass something near what the agent
+    /// passes, and the distance before the stretch at which that ends [m].
     fn passer(&self, other: &Other, ahead: f64, moved: f64) -> Option<(Passer, f64)> {
         if is_person(other) {
             return None;

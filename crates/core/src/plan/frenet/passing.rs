@@ -1,4 +1,4 @@
-//! What stands in the way and is passed: on which side there is room.
+//! Obstructions that are passed, and the side on which there is room.
 
 use std::cell::OnceCell;
 
@@ -8,7 +8,7 @@ use super::super::{Other, PlanRequest};
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
 
-/// Distance to what stands and is passed [m]: the first one for which there is room.
+/// Clearances to a passed obstruction [m]: the first with enough room counts.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
 /// Room needed before and behind the obstruction [m], examined at this step [m].
 pub(super) const LEAD: f64 = 1.0;
@@ -21,12 +21,12 @@ pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
 const WAITING_REACH: f64 = 15.0;
 
-/// How far ahead of its front the agent looks for a place beside what it passes [m].
+/// Distance ahead of its front within which the agent looks for a place beside an obstruction [m].
 pub(super) fn reach(start: &Start) -> f64 {
     SWING_LENGTH.max(SWING_TIME * start.velocity)
 }
 
-/// What stands in the way, along and across the path.
+/// An obstruction, along and across the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Standing {
     /// Arc lengths of its nearest and furthest point [m].
