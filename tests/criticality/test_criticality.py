@@ -256,7 +256,7 @@ def test_crossing_vehicles_have_conflict_areas_where_they_are_stated_or_looked_f
     scenario = world(crossing(), cars=cars, steps=90)
     found = evaluate(scenario)
     assert np.isinf(found["pet"]).all()
-    assert "the map states no intersection" in found.notes[0]
+    assert "the map has no intersection" in found.notes[0]
     found = evaluate(scenario, settings=CriticalitySettings(conflict_areas="crossing"))
     # No lanelet leads to these or away from them: no route leads across.
     assert np.isinf(found["pet"]).all()
