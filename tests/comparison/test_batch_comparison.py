@@ -265,7 +265,7 @@ def test_below_the_differences_stands_what_bold_means(tmp_path):
             for name, who, one in scattered(21)]  # fmt: skip
     mixed = compare(invented(tmp_path / "mixed", runs))
     assert list(sheets_of(mixed, mixed.sets[0]))[-1].note == (
-        "Bold: the interval does not contain zero. Never in bold, being over fewer than 20 scenarios: jerk [m/s³]."
+        "Bold: the interval does not contain zero. Never in bold, with fewer than 20 scenarios: jerk [m/s³]."
     )
 
 

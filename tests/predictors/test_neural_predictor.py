@@ -175,7 +175,7 @@ def test_values_that_were_changed_after_training_are_refused(file):
     save_file(weights(), file, metadata)
     Simulation(scenario(), predictor=Neural(weights=str(file)))
     save_file(weights(seed=1), file, metadata)
-    with pytest.raises(InputError, match=r"small.safetensors: the values are not the trained ones"):
+    with pytest.raises(InputError, match=r"small.safetensors: the values differ from the trained ones"):
         Simulation(scenario(), predictor=Neural(weights=str(file)))
 
 

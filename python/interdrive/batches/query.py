@@ -32,7 +32,7 @@ RAISE_SECONDS, RAISE_MEMORY = "--timeout SECONDS gives it more time", "--memory 
 #: Memory that DuckDB itself needs [bytes].
 _MEMORY_MIN = 50_000_000
 
-#: Rows are read so many at a time; a value of Python takes about so much [bytes].
+#: Number of rows that are read at a time; approximate size of a value in Python [bytes].
 _PORTION, _CELL = 1000, 64
 
 

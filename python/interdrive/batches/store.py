@@ -347,7 +347,7 @@ def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:
 
 
 def _version(path: Path) -> tuple[int, ...]:
-    """Tells a file from one that takes its name."""
+    """Distinguishes a file from a later one of the same name."""
     found = path.stat()
     return found.st_ino, found.st_mtime_ns, found.st_size
 

@@ -238,7 +238,7 @@ def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
 
 
 def _versions(distributions: Iterable[str]) -> dict[str, str]:
-    """Their versions; "" for those that are not installed."""
+    """Their versions; "" for distributions that are not installed."""
     found = dict.fromkeys(distributions, "")
     for distribution in found:
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -143,7 +143,7 @@ def _driven_type(run: RunRecord, agent: AgentRecord, wanted: int | None) -> int:
     """The vehicle type whose footprint an agent had.
 
     Raises:
-        InputError: It is no type, or not the one that is wanted.
+        InputError: It is not a vehicle type, or not the requested one.
     """
     states = run.states
     row = int(np.searchsorted(states.participant_id, agent.id))

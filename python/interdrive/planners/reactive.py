@@ -223,7 +223,7 @@ def _asked(planner: Any, level: int | None = None) -> Any:  # noqa: ANN401 - Rea
 
 
 def _edges(view: View) -> Any:  # noqa: ANN401 - pycrcc.ShapeGroup
-    """The edges of the road as thin boxes, without those that the agent's footprint touches at its start."""
+    """The edges of the road as thin boxes, without boxes that the agent's footprint touches at its start."""
     ego, edges = view.ego, view.ego.road_edges
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     middle, length = start + 0.5 * along, np.hypot(along[:, 0], along[:, 1])

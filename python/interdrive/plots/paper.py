@@ -303,7 +303,7 @@ def _legend_columns(columns: int) -> int:
 
 
 def _styles(known: Sequence[int], shown: Sequence[int]) -> dict[int, dict[str, Any]]:
-    """The line of each shown agent among all those that are known."""
+    """The line of each shown agent among all known agents."""
     return {number: {**line_style(known.index(number)), "linewidth": 1.2} for number in shown}
 
 

@@ -149,7 +149,7 @@ class Gathered:
         return (f"{samples} samples of {vehicles} vehicles in {files} files are left out: earlier files contain them",)
 
     def samples(self) -> Samples:
-        """Everything so far."""
+        """Everything collected."""
         values = {
             name: {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
             for name, parts in self._values.items()

@@ -53,7 +53,7 @@ _SLOW = 0.3
 _STANDING_VARIANCE = 0.02
 #: Smallest and largest standard deviation [m], and largest correlation: a covariance can have these numbers.
 _SIGMA, _CORRELATION_MAX = (1e-3, 1e3), 0.999
-#: Beyond its answer, the mean velocity of so many last steps is kept.
+#: Number of last steps whose mean velocity is kept beyond its answer.
 _LAST_STEPS = 5
 
 
@@ -121,7 +121,7 @@ def network(values: _Singles | None = None) -> Any:  # noqa: ANN401 - a session 
     standard deviations [1/m], correlation. It runs on the calling thread; the rows of the output are independent.
 
     Args:
-        values: Weights as they follow each other in the published file; None for those that are installed.
+        values: Weights in the order of the published file; None: the installed weights.
 
     Raises:
         MissingExtraError: onnxruntime is not installed.

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from interdrive.run.violations.lines import Passing
     from interdrive.run.violations.ways import Ways
 
-#: The one that goes first must not reach the area sooner than this after the other one has left [s] ...
+#: The vehicle that goes first must not reach the area sooner than this after the other one has left [s] ...
 GAP = 1.0
 #: ... nor need, or show, this deceleration [m/s²] within this time [s], if it is so near [m].
 HARD, HARD_TIME, HARD_REACH = 2.0, 3.0, 30.0
-#: It goes first if it is within the reach of orders and does not stand [m/s]: one that stands lets others go.
+#: It goes first if it is within the reach of orders and does not stand [m/s]: a standing vehicle lets others go.
 STANDING = 0.2
 #: A vehicle that is already so near that stopping takes more than this when it enters the scene cannot wait [m/s²].
 HARDEST = 3.0

@@ -145,7 +145,7 @@ class Ways:
 
 
 class _Relations:
-    """By ids: lanelets from and to which vehicles drive, those that begin or end together; lengths [m]."""
+    """By ids: lanelets from and to which vehicles drive, lanelets that begin or end together; lengths [m]."""
 
     def __init__(self, lanelets: Lanelets) -> None:
         ids = lanelets.ids.tolist()
