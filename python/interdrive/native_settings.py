@@ -180,8 +180,8 @@ class Idm(CarFollowing):
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
-        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit. Positive
-            and at most 100.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
+            Positive and at most 100.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
@@ -207,8 +207,8 @@ class IdmMobil(Idm):
     Attributes:
         politeness: Politeness p: weight of the gains and losses of the followers. Between -10 and 10.
         changing_threshold: Smallest gain of a lane change. Between 0 and 100.
-        safe_deceleration: Largest deceleration b_safe that a lane change may impose on the new follower. Positive and
-            at most 100.
+        safe_deceleration: Largest deceleration b_safe that a lane change may impose on the new follower. Positive
+            and at most 100.
         bias: Bias for each lane nearer to the lane that leads to the goal. Between 0 and 100.
         lane_change_duration: Duration of a lane change. Between 1 and 60.
     """
@@ -370,8 +370,8 @@ class RulesSettings:
             `view.occlusion`.
         passing: Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be
             crossed and nobody is oncoming; planner `frenet` only.
-        trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they would
-            have to brake hard.
+        trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they
+            would have to brake hard.
         blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this
             way, with less spread along bends.
         speed_factor: Factor applied to posted speed limits. Positive and at most 3.
@@ -379,8 +379,8 @@ class RulesSettings:
         lead: Least time between leaving a conflict zone and the next vehicle's arrival. Between 0 and 60.
         lag: Least time between the previous vehicle's leaving a conflict zone and entering it. Between 0 and 60.
         impatience: Standing time after which half of `lead` suffices. Positive.
-        circle_after: Standing time after which one of several agents that wait for each other in a circle may enter a
-            junction without room to leave it. Positive.
+        circle_after: Standing time after which one of several agents that wait for each other in a circle may enter
+            a junction without room to leave it. Positive.
     """
 
     enabled: bool = True
