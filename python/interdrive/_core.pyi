@@ -666,7 +666,7 @@ class Stage:
     """A scenario with the vehicles that can learn, each with the planner that drives it if it does not.
 
     Raises:
-        InputError: An id is there twice, or a planner needs a recording that is not there.
+        InputError: An id occurs twice, or a planner needs a recording that is not there.
     """
 
     def __new__(

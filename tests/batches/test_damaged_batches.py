@@ -166,4 +166,4 @@ def test_a_file_of_a_run_with_another_name_or_key_is_refused(folder):
     pq.write_table(one, folder / "runs" / "mine.parquet")
     assert all("mine.parquet: key: 'mine' is not 32 hexadecimal" in line for line in refusals(folder))
     (folder / "runs" / "mine.parquet").rename(folder / "runs" / f"{'0' * 32}.parquet")
-    assert all("it is that of another run" in line for line in refusals(folder))
+    assert all("it belongs to another run" in line for line in refusals(folder))

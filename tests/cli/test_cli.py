@@ -269,7 +269,7 @@ def test_an_interrupted_run_is_kept_as_far_as_it_came_and_exits_with_130(simulat
     simulated.result = RunInterrupted(replace(GOOD, finished=False))
     done = invoke("run", "bend.xml", "--out", "made")
     seconds = (GOOD.states.n_steps - 1) * GOOD.scenario.dt
-    line = f"interrupted after {seconds:.1f} s; the run so far is in made\n"
+    line = f"interrupted after {seconds:.1f} s; the run until then is in made\n"
     assert (done.exit_code, done.stdout, done.stderr) == (130, "", line)
     assert read_results("made").info["finished"] is False
 

@@ -161,7 +161,7 @@ def test_a_planner_that_lacks_scenarios_is_compared_over_those_that_it_has(tmp_p
     assert [row(found, "all", name)["collisions"] for name in ("a", "b", "slow")] == [50.0, 0.0, 50.0]
     assert {r["n_agents"] for r in found.table.to_pylist()} == {2}
     assert found.sets[0].left_out == {"a": 1, "b": 1, "slow": 0}
-    assert found.sets[0].size == "2 agents in 1 scenario, those that all 3 planners drove; not counted: a 1, b 1"
+    assert found.sets[0].size == "2 agents in 1 scenario, driven by all 3 planners; not counted: a 1, b 1"
     assert "Only agents that all planners drove are compared" in " ".join(found.caveats)
     whole = compare(folder, planners=["a", "b"])
     assert (row(whole, "all", "a")["n_agents"], whole.sets[0].size) == (3, "3 agents in 2 scenarios")

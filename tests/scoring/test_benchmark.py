@@ -76,7 +76,7 @@ def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tm
         ([], "name a planner"),
         (["idm", "--set", "private-1"], "there are public-1, shipped-2"),
         (["idm", "--split", "train"], "expected one of test, dev, all"),
-        (["idm", "--split", "test"], "shipped-2 has no scenarios in it"),
+        (["idm", "--split", "test"], "shipped-2 has no scenarios; use all"),
         (["idm", "--set", "public-1", "--scenarios", "no/such/folder"], "no such folder"),
     ],
 )

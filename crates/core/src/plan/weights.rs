@@ -131,7 +131,7 @@ mod tests {
     fn weights_of_zero_and_terms_that_are_there_twice_are_named() {
         for (terms, text) in [
             (vec![6], "actions: weight of lateral_velocity is 0 and cannot be scaled"),
-            (vec![1, 1], "actions: the weight of distance_to_reference is there twice"),
+            (vec![1, 1], "actions: the weight of distance_to_reference occurs twice"),
             (vec![], "actions: no weight to change"),
             (vec![13], "actions: there is no weight 13"),
         ] {
