@@ -137,7 +137,7 @@ def test_a_run_that_takes_too_much_memory_is_ended_and_recorded(place):
     done = idr.batch(["t_junction"], place / "out", planner=[bad, "idm"], workers=1, agents=1, memory=500 * 2**20)
     row = row_of(done, bad)
     assert (row["status"], row["attempts"]) == ("memory", 2)
-    assert "grew beyond 500 MiB" in row["error"]
+    assert "exceeded 500 MiB" in row["error"]
     assert row_of(done, "idm")["status"] == "finished"
 
 

@@ -171,7 +171,7 @@ class Criticality:
         """Row of the judged participant with id `participant_id`.
 
         Raises:
-            InputError: It was not judged.
+            InputError: It was not evaluated.
         """
         rows = np.flatnonzero(self.participant_id == participant_id)
         if not len(rows):

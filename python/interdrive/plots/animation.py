@@ -66,7 +66,7 @@ def animate_run(
         on_frame: Called after every frame with the number of frames done and in all.
 
     Raises:
-        InputError: The chosen agent is not one of the run, or fps is not positive.
+        InputError: The chosen agent is not an agent of the run, or fps is not positive.
         ResultsError: The file cannot be written.
         MissingExtraError: MP4 without ffmpeg.
     """

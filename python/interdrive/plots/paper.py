@@ -120,7 +120,7 @@ def draw_velocity(run: RunRecord, agents: Sequence[int] | None = None, *, column
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: An id that is no agent of the run, or more than `LINES_MAX` agents.
+        InputError: An id that is not an agent of the run, or more than `LINES_MAX` agents.
     """
     shown = chosen_agents(run, agents, LINES_MAX)
     first = run.states.first_time_step
@@ -150,7 +150,7 @@ def draw_measures(
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: A participant that was not judged, an unknown measure, or more than `LINES_MAX` agents.
+        InputError: A participant that was not evaluated, an unknown measure, or more than `LINES_MAX` agents.
     """
     if len(agents) > LINES_MAX:
         raise InputError(
@@ -189,7 +189,7 @@ def draw_scene(
         columns: Width on paper.
 
     Raises:
-        InputError: An id that is no agent of the run, or a time at which none of them is there.
+        InputError: An id that is not an agent of the run, or a time at which none of them is there.
     """
     shown = chosen_agents(run, agents)
     column = round(time / run.scenario.dt) - run.states.first_time_step
