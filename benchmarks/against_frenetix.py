@@ -52,11 +52,8 @@ def times_per_plan(scenario: Path, agents: str | int, steps: int, every: int) ->
             break
         if step % every == 0:
             for name, simulation in runs.items():
-                scene = simulation.world.scene()
-                predictions = simulation._predict(scene)
-                start = time.perf_counter()
-                simulation.world.plan(scene, predictions)
-                seconds[name].append((time.perf_counter() - start) / max(1, len(simulation.driving)))
+                _observe, _predict, plan = simulation._begin_step().seconds
+                seconds[name].append(plan / max(1, len(simulation.driving)))
             world = runs["frenet"].world
             scene = world.scene()
             predictions = runs["frenet"]._predict(scene)

@@ -28,7 +28,7 @@ def read_places(path: Path = SPLIT) -> tuple[Place, ...]:
     for place in places:
         for value, allowed in ((place.part, PARTS), (place.category, CATEGORIES)):
             if value not in allowed:
-                raise ValueError(f"{path.name}, place {place.name}: {value!r} is none of {', '.join(allowed)}")
+                raise ValueError(f"{path.name}, place {place.name}: {value!r} is not one of {', '.join(allowed)}")
         if place.traffic == UNKNOWN:
             raise ValueError(f"{path.name}, place {place.name}: traffic is not stated")
     if len({place.name for place in places}) < len(places):

@@ -129,8 +129,8 @@ class _Moment:
 
     def __init__(self, simulation: Simulation, falling_behind: Any) -> None:  # noqa: ANN401 - a view of keys
         self._world = simulation.world
-        self._scene = self._world.scene()
-        self._predictions = simulation._predict(self._scene)  # as its own step does
+        self._step = simulation._begin_step()
+        self._scene = self._step.scene
         self._driving, self._falling_behind = set(simulation.driving), set(falling_behind)
         self._found: dict[int, tuple[str, int]] = {}
 
@@ -153,7 +153,7 @@ class _Moment:
         return self._found[agent]
 
     def _looked_up(self, agent: int) -> tuple[str, int]:
-        found = self._world.candidates(agent, self._scene, self._predictions)
+        found = self._world.candidates(agent, self._step)
         if found is None or not len(found["cost"]):
             return "no samples", -1
         end, desired, chosen = found["end_velocity"], found["desired_velocity"], int(found["chosen"])

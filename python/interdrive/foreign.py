@@ -24,7 +24,7 @@ T = TypeVar("T")
 #: Longer texts of exceptions are cut [characters].
 _TEXT_MAX = 1000
 
-#: Longer tracebacks lose their beginning [characters]; so many causes of an exception are followed.
+#: Longer tracebacks lose their beginning [characters]; number of causes of an exception that are followed.
 _TRACEBACK_MAX, _CAUSES_MAX = 20_000, 10
 
 
@@ -107,7 +107,7 @@ def text_of(error: BaseException) -> str:
 def place_of(error: BaseException) -> str:
     """Where foreign code raised an exception: file, line and function; "" if it has no frame in a file.
 
-    It is the last frame in a file that is neither ours nor that of a library, or else the last one that is not ours.
+    It is the last frame in a file that is neither ours nor a library's, or else the last frame that is not ours.
     """
     libraries = {Path(path) for path in sysconfig.get_paths().values()}
     own = elsewhere = ""

@@ -53,16 +53,16 @@ class FrenetWeights:
 
 @dataclass(frozen=True)
 class FrenetComfort:
-    """Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
+    """Comfortable driving. The desired speed respects these values; feasibility does not depend on them.
 
     Attributes:
         time_gap: Time gap to a leader: the reaction time of the safe speed. Positive and at most 60.
         standstill_gap: Distance kept to a standing leader. Between 0 and 100.
         deceleration: Deceleration before leaders, curves and the goal. Positive and at most 100.
-        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
-        velocity_step: Desired and present speed differ by at most this. Positive and at most 100.
-        cruise_velocity_min: Lowest desired speed of late agents, and of those whose goal states neither place nor
+        velocity_step: Largest difference between desired and present speed. Positive and at most 100.
+        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor
             speed. Between 0 and 100.
     """
 
@@ -82,24 +82,25 @@ class Frenet:
     Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
 
     Attributes:
-        level: Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid. Between 0 and 4.
+        level: Sampling density: 48, 180, 800, 3564 or 12716 samples in the grid. Between 0 and 4.
         horizon: Length of a plan. Positive and at most 60.
         t_min: Shortest time in which a manoeuvre ends; at most the horizon. Positive and at most 60.
-        d_max: Lateral end positions are within this distance of the reference path. Positive and at most 15.
-        road_margin: Distance kept from what the road admits where there is room. Between 0 and 10.
+        d_max: Largest lateral distance of end positions from the reference path. Positive and at most 15.
+        road_margin: Distance kept to the edge of the road where there is room. Between 0 and 10.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time. Positive and at
             most 100.
-        prediction_margin_length: Predicted participants are longer by this, in all. Between 0 and 100.
-        prediction_margin_width: Predicted participants are wider by this, in all. Between 0 and 100.
+        prediction_margin_length: Total length added to predicted participants. Between 0 and 100.
+        prediction_margin_width: Total width added to predicted participants. Between 0 and 100.
         rear_cone_angle: Full opening angle of the cone behind the agent. Between 0 and 2 pi.
-        rear_cone_distance: Participants in that cone that are further away than this (centre to centre) are
-            expected to keep their distance. Between 0 and 1000000.
-        collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
-            always counts. Between 0 and 1.
-        expectation_density_min: A less probable mode has no cost at times when the density of its positions is
-            below this even in the middle, because it then hardly predicts any position. Between 0 and 1000000.
-        stop_targets: Also sample stops behind the leader and before the end of the goal area.
-        lazy: Evaluate only what the choice of the best sample needs; false evaluates all. The choice is the same.
+        rear_cone_distance: Participants in that cone further away than this (centre to centre) are expected to keep
+            their distance. Between 0 and 1000000.
+        collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most
+            probable mode always counts. Between 0 and 1.
+        expectation_density_min: Peak density of positions below which a mode less probable than that costs nothing:
+            it then hardly predicts a position. Between 0 and 1000000.
+        stop_targets: Also sample stops behind the leader and at the end of the goal area.
+        lazy: Evaluate only the samples and terms needed to find the best sample; false evaluates all. The choice is
+            the same.
         weights: Weights of the cost.
         comfort: Comfortable driving.
     """
@@ -179,7 +180,7 @@ class Idm(CarFollowing):
 
     Attributes:
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
-        lateral_acceleration: Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
     """
 
@@ -205,10 +206,10 @@ class IdmMobil(Idm):
 
     Attributes:
         politeness: Politeness p: weight of the gains and losses of the followers. Between -10 and 10.
-        changing_threshold: A change must gain more than this. Between 0 and 100.
-        safe_deceleration: The new follower must not have to brake harder than this, b_safe. Positive and at most
-            100.
-        bias: Bias for each lane nearer to the one that leads to the goal. Between 0 and 100.
+        changing_threshold: Smallest gain of a lane change. Between 0 and 100.
+        safe_deceleration: Largest deceleration b_safe that a lane change may impose on the new follower. Positive
+            and at most 100.
+        bias: Bias for each lane nearer to the lane that leads to the goal. Between 0 and 100.
         lane_change_duration: Duration of a lane change. Between 1 and 60.
     """
 
@@ -230,7 +231,7 @@ class Spread:
     Along its heading it grows like an unknown constant acceleration, across it linearly.
 
     Attributes:
-        position_sigma: Standard deviation of the position now. Positive.
+        position_sigma: Standard deviation of the present position. Positive.
         acceleration_sigma: Standard deviation of the acceleration along the heading; the spread along the heading
             grows with the square of time. Positive.
         lateral_rate: Growth of the standard deviation across the heading. Positive.
@@ -255,8 +256,8 @@ class LaneFollowing(Spread):
     """Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
 
     Attributes:
-        modes_max: Largest number of lanes to follow. Between 1 and 8.
-        lateral_acceleration: Vehicles take curves up to this lateral acceleration without slowing down. Positive.
+        modes_max: Largest number of lanes followed. Between 1 and 8.
+        lateral_acceleration: Lateral acceleration in curves up to which vehicles do not slow down. Positive.
         deceleration: Deceleration before curves. Positive.
         return_time: Time in which an offset from the lane's centre decays. Positive.
     """
@@ -277,12 +278,11 @@ class ViewSettings:
     """View of an agent.
 
     Attributes:
-        sensor_radius: Participants further away are not seen: centre to centre, to the nearest point of a circle
-            around static obstacles. Positive.
-        occlusion: Participants without any part in the line of sight are not seen either: seen from the centre of
-            the agent's footprint, nearer footprints cover theirs completely. All participants hide those behind
-            them, except pedestrians, bicycles and motorcycles. Agents are careful at junctions where something is
-            hidden (`rules.unseen`).
+        sensor_radius: Distance beyond which participants are not seen, centre to centre; for static obstacles, to
+            the nearest point of a circle around them. Positive.
+        occlusion: Agents do not see participants whose footprints are completely covered by nearer ones, seen from
+            the centre of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers.
+            Agents are careful at junctions where something is hidden (`rules.unseen`).
     """
 
     sensor_radius: Annotated[float, "m"] = 80.0
@@ -298,19 +298,18 @@ class CoreStepSettings:
     """Steps of the world.
 
     Attributes:
-        replan_every: Number of time steps from one plan to the next; in between the last plan is followed. Between
-            1 and 10000.
-        grace_factor: A late agent may continue until its time limit, counted from its start, times this factor.
-            Between 1 and 1000.
-        history_steps: Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the
-            same time as this number of steps of 0.1 s. Between 1 and 10000.
-        max_steps: Largest number of time steps of a run; agents that are still driving then end with time_limit. 0:
-            5000, or twice the number of recorded time steps, or what the times of all agents need, up to 20000, if
-            that is more. Between 0 and 1000000.
-        standstill_s: A run in which nothing has moved for so long, and nothing is left that could set an agent in
-            motion, ends: its agents end with time_limit. The longest cycle of its traffic lights comes on top. inf:
-            only their own times end agents. Own choice: several times as long as any rule of the road lets an agent
-            stand. Positive.
+        replan_every: Time steps between plans; in between, an agent follows its last plan. Between 1 and 10000.
+        grace_factor: Factor on the time limit of an agent, counted from its start, after which a late agent is
+            stopped. Between 1 and 1000.
+        history_steps: Past time steps in a scene. With time steps shorter than 0.1 s, as many as span the same time
+            at 0.1 s. Between 1 and 10000.
+        max_steps: Largest number of time steps of a run; agents still driving then end with time_limit. 0: the
+            largest of 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up
+            to 20000). Between 0 and 1000000.
+        standstill_s: Time without any motion, plus the longest cycle of traffic lights, after which a run ends,
+            provided that nothing can set an agent in motion any more; its agents end with time_limit. inf: never.
+            The default, our choice, is several times longer than any rule of the road lets an agent stand.
+            Positive.
     """
 
     replan_every: int = 1
@@ -329,16 +328,17 @@ class RoadSettings:
     """Extent of the road, and what must stay on it.
 
     Attributes:
-        gap_tolerance: Gaps between lanelets up to this width count as road, and a footprint may overhang the edge
+        gap_tolerance: Width up to which gaps between lanelets count as road; a footprint may also overhang the edge
             by this much. Between 0 and 1.
-        open_end_length: Where the map ends (lanelets without successor or predecessor), the road continues straight
-            for this length. Between 0 and 100000.
-        judge: What must stay on the road. "wheels": the rectangle from the rear to the front axle, as wide as the
-            vehicle; the body may reach over the edge, as above a kerb. "body": the whole footprint. Contacts always
-            count with the whole body.
-        turn_tolerance: Wheels may cross the edge by this much beside bends (curvature of at least 0.08 1/m).
+        open_end_length: Length by which the road continues straight where the map ends (lanelets without successor
+            or predecessor). Between 0 and 100000.
+        judge: Part of the vehicle that must stay on the road. "wheels": the rectangle from the rear to the front
+            axle, as wide as the vehicle; the body may reach over the edge, as above a kerb. "body": the whole
+            footprint. Contacts always count with the whole body.
+        turn_tolerance: Distance by which wheels may cross the edge in bends (curvature of at least 0.08 1/m).
             Between 0 and 2.
-        overhang_max: The body may reach beyond the lanelets by this much if wheels are judged. Between 0 and 10.
+        overhang_max: Distance by which the body may reach beyond the lanelets with judge "wheels". Between 0 and
+            10.
     """
 
     gap_tolerance: Annotated[float, "m"] = 0.1
@@ -357,31 +357,30 @@ class RulesSettings:
     """Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
 
     Attributes:
-        enabled: False: it obeys none of them.
-        speed: It keeps to speed limits.
-        lights: It stops for traffic lights.
-        stop_signs: It stops at stop signs.
-        right_on_red: It turns right on red after it has stood before the line, where the country or a sign allows
-            it.
-        crossings: It gives way to people on crosswalks.
-        precedence: It gives way at junctions: it enters one only if no other vehicle uses its way across, as long
-            as others keep to the same order.
-        keep_clear: It does not enter a junction without room behind it.
-        unseen: It is careful at junctions where buildings or parked vehicles hide a road that goes first, if
+        enabled: Whether an agent obeys any rule of the road.
+        speed: Keep to speed limits.
+        lights: Stop for traffic lights.
+        stop_signs: Stop at stop signs.
+        right_on_red: Turn right on red after standing before the line, where the country or a sign allows it.
+        crossings: Give way to people on crosswalks.
+        precedence: Give way at junctions: enter only when no other vehicle will use the way across, provided that
+            others keep to the same order.
+        keep_clear: Do not enter a junction without room to leave it.
+        unseen: Be careful at junctions where buildings or parked vehicles hide a road with priority, if
             `view.occlusion`.
-        passing: It uses the lane of the other direction to pass what stands, where the line between the lanes may
-            be crossed and no oncoming vehicle comes in the meantime; with planner `frenet`.
-        trust_others: It relies on vehicles that do not obey to give way at junctions where they should, even if
-            they would have to brake hard by now.
-        blinkers: It shows by its blinkers which way it takes at a fork, with any planner. Predictions then take
-            this way, with less spread along bends.
-        speed_factor: It takes speed limits for this many times what they are. Positive and at most 3.
-        stop_duration: It stands this long at a stop sign, and before it turns right on red. Between 0 and 60.
-        lead: It has left an area of a junction so long before another one comes. Between 0 and 60.
-        lag: It enters an area of a junction so long after another one has left. Between 0 and 60.
-        impatience: After standing for so long it is content with half of `lead`. Positive.
-        circle_after: Agents that stand for so long and wait for each other in a circle let one of them enter a
-            junction without room behind it. Positive.
+        passing: Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be
+            crossed and nobody is oncoming; planner `frenet` only.
+        trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they
+            would have to brake hard.
+        blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this
+            way, with less spread along bends.
+        speed_factor: Factor applied to posted speed limits. Positive and at most 3.
+        stop_duration: Standing time at a stop sign, and before turning right on red. Between 0 and 60.
+        lead: Least time between leaving a conflict zone and the next vehicle's arrival. Between 0 and 60.
+        lag: Least time between the previous vehicle's leaving a conflict zone and entering it. Between 0 and 60.
+        impatience: Standing time after which half of `lead` suffices. Positive.
+        circle_after: Standing time after which one of several agents that wait for each other in a circle may enter
+            a junction without room to leave it. Positive.
     """
 
     enabled: bool = True
@@ -413,26 +412,26 @@ class V2xSettings:
     """Cooperation of agents by V2X messages.
 
     Attributes:
-        penetration: Share of the agents that have V2X; 0: cooperation is off. Between 0 and 1.
+        penetration: Share of agents equipped with V2X; 0: no cooperation. Between 0 and 1.
         cam: Equipped agents send their state (cooperative awareness).
         mcm: Equipped agents send their plan (maneuver coordination).
-        cpm: Equipped agents send what their sensors see (collective perception).
+        cpm: Equipped agents send the objects that they see (collective perception).
         delay: Constant part of the delay. Between 0 and 10.
-        jitter: Largest part of the delay that is drawn, uniformly from 0 on. Between 0 and 10.
+        jitter: Largest random part of the delay, drawn uniformly from 0. Between 0 and 10.
         loss: Probability that a receiver within range loses a message. Between 0 and 1.
         range: Range of the radio. Positive and at most 1000000.
         fading: Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
-        negotiate: Agents whose ways cross agree which goes first.
-        hold_margin: Distance that an agent that yields keeps to the road that both need. Between 0.3 and 5.
-        mcm_interval: Time between two messages with the plan, unless the plan changes. Positive and at most 10.
-        max_bytes: Largest message; plans, claims and lists of objects are cut to fit. Between 300 and 65535.
-        age_max: Older messages are forgotten. Positive and at most 60.
-        plan_spacing: Time between the points of a plan that is sent. Between 0.01 and 10.
-        plan_horizon: How much of a plan is sent. Between 1 and 60.
-        way_ahead: How much of its reference path an agent sends. Between 10 and 1000.
-        deviation: An agent that is this far from where its plan was is no longer expected to follow it. Positive
+        negotiate: Agents whose paths cross agree who goes first.
+        hold_margin: Distance that a yielding agent keeps to the conflict zone. Between 0.3 and 5.
+        mcm_interval: Time between messages with the plan, unless the plan changes. Positive and at most 10.
+        max_bytes: Largest message; plans, claims and object lists are truncated to fit. Between 300 and 65535.
+        age_max: Age above which messages are discarded. Positive and at most 60.
+        plan_spacing: Time between the points of a sent plan. Between 0.01 and 10.
+        plan_horizon: Duration of the part of a plan that is sent. Between 1 and 60.
+        way_ahead: Length of the reference path ahead that an agent sends. Between 10 and 1000.
+        deviation: Distance from its sent plan beyond which an agent is no longer expected to follow it. Positive
             and at most 100.
-        plan_sigma: Standard deviation of a position that a plan states. Positive and at most 10.
+        plan_sigma: Standard deviation of the positions of a sent plan. Positive and at most 10.
         plan_along: Growth of that standard deviation along the heading. Between 0 and 10.
         plan_across: Growth of that standard deviation across the heading. Between 0 and 10.
     """
@@ -469,21 +468,21 @@ class MeasureSettings:
     """Parameters and switches of all measures; the defaults are those of docs/reference/criticality.md.
 
     Attributes:
-        radius: Others count within this distance, centre to centre. Positive.
+        radius: Distance, centre to centre, within which other participants count. Positive.
         ttc_threshold: Time to collision along lanes up to which a vehicle is exposed. Positive.
-        deceleration: Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2
-            can do on a dry road, which is optimistic. Positive.
-        lateral_acceleration: Lateral acceleration that is available. Positive.
-        oncoming_filter: Oncoming traffic counts only where its way meets that of the judged vehicle.
+        deceleration: Available deceleration; the default is the tyre limit of CommonRoad's vehicle type 2 on a dry
+            road, which is optimistic. Positive.
+        lateral_acceleration: Available lateral acceleration. Positive.
+        oncoming_filter: Oncoming traffic counts only where its path meets that of the evaluated vehicle.
         opposite_angle: Heading difference beyond which traffic is oncoming. Positive and at most pi.
-        erosion: Lanelets are eroded by this much before their overlap is measured. Not negative.
-        overlap_min: Overlaps up to this size do not count. Not negative.
-        lead_membership: Participants ahead: those whose center lies on the path, or those whose footprint reaches
+        erosion: Erosion of lanelets before their overlap is measured. Not negative.
+        overlap_min: Largest overlap that does not count. Not negative.
+        lead_membership: Who counts as ahead: participants whose centre lies on the path, or whose footprint reaches
             into it.
-        thw_mode: Time headway: normalized is headway over speed, recorded is the time until the recording reaches
-            the place where the vehicle ahead is now.
-        leader_stops: A braking vehicle ahead comes to rest and stays there, for the required longitudinal
-            acceleration.
+        thw_mode: Time headway: normalized is headway divided by speed, recorded is the time until the recording
+            reaches the present place of the vehicle ahead.
+        leader_stops: The required longitudinal acceleration assumes that a braking vehicle ahead comes to rest and
+            stays there.
     """
 
     radius: Annotated[float, "m"] = 100.0
@@ -508,12 +507,12 @@ class Kinematic:
     """Pedals and steering wheel of a single-track model: two numbers from -1 to 1.
 
     Attributes:
-        accelerate: Acceleration for a first number of 1, as far as the engine gets. Positive and at most 100.
+        accelerate: Acceleration for a first number of 1, limited by the engine. Positive and at most 100.
         brake: Deceleration for a first number of -1. Positive and at most 100.
-        steering: What the second number is. "curvature": that of the path, relative to the largest one. "rate":
-            that of the steering angle, relative to the vehicle's largest one.
-        curvature: Largest curvature for "curvature". Positive and at most 10.
-        lateral: Largest lateral acceleration that "curvature" asks for. Positive and at most 100.
+        steering: Meaning of the second number. "curvature": curvature of the path, relative to `curvature`. "rate":
+            rate of the steering angle, relative to the vehicle's limit.
+        curvature: Largest curvature with steering "curvature". Positive and at most 10.
+        lateral: Largest lateral acceleration with steering "curvature". Positive and at most 100.
     """
 
     accelerate: Annotated[float, "m/s²"] = 4.0
@@ -529,7 +528,7 @@ class Kinematic:
 
 @dataclass(frozen=True)
 class FrenetTarget:
-    """The end of a sample in the Frenet frame, as three numbers from -1 to 1.
+    """End state of a sample in the Frenet frame, as three numbers from -1 to 1.
 
     The first is the lateral position, the second the change of the speed, the third the time in which both are
     reached. The vehicle drives the first time step of the sample; then the next action counts.
@@ -538,8 +537,8 @@ class FrenetTarget:
         d_max: Lateral position for a first number of 1, to the left of the path. Positive and at most 15.
         velocity_step: Change of the present speed for a second number of 1. Positive and at most 100.
         t_min: Time for a third number of -1; at most the horizon. Positive and at most 60.
-        horizon: Time for a third number of 1; the vehicle's limits are checked so far ahead. Positive and at most
-            60.
+        horizon: Time for a third number of 1; also how far ahead the vehicle's limits are checked. Positive and at
+            most 60.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time. Positive and at
             most 100.
     """
@@ -563,11 +562,11 @@ class ObservationSettings:
 
     Attributes:
         form: "flat": one vector. "dict": blocks by name.
-        route: Number of places on the path ahead. Between 0 and 16.
-        partners: Number of other participants, the nearest that are seen. Between 0 and 256.
-        edges: Number of pieces of road edges, the nearest within 50 m. Between 0 and 256.
-        predictions: Where the other participants are expected in 1, 2 and 3 s, as the predictor says.
-        raster: A picture from above as well.
+        route: Number of points on the path ahead. Between 0 and 16.
+        partners: Number of other participants: the nearest visible ones. Between 0 and 256.
+        edges: Number of pieces of road edge: the nearest within 50 m. Between 0 and 256.
+        predictions: Whether to add the predicted positions of other participants in 1, 2 and 3 s.
+        raster: Whether to add a raster image from above.
     """
 
     form: Literal["flat", "dict"] = "flat"
@@ -589,7 +588,7 @@ class RewardWeights:
     The reward of a step is the sum of weight times amount.
 
     Attributes:
-        progress: Change of the share of the way to the goal that is behind it (of at least 10 m).
+        progress: Change of the completed share of the way to the goal (of at least 10 m).
         goal_reached: Reached the goal in time.
         goal_reached_late: Reached the goal late.
         goal_missed: Drove past the goal.
@@ -604,11 +603,11 @@ class RewardWeights:
         jerk: Jerk / 20 m/s³, squared, by time.
         path_offset: Offset from the path / 2 m, at most 1, by time.
         overspeed: Speed above the limit / limit, by time.
-        headway: 1 - gap / (1.5 s times speed) if that is positive, to the nearest one seen ahead, by time; 0 unless
-            weighted.
-        recorded: exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless
-            weighted.
-        limited: 1 in a step in which the vehicle could not do what was asked for.
+        headway: 1 - gap / (1.5 s times speed), if positive, to the nearest visible participant ahead, by time; 0
+            unless weighted.
+        recorded: exp(-distance to the present position of the own recording / 2 m), by time; 0 without a recording,
+            and unless weighted.
+        limited: 1 in a step in which the vehicle could not execute the action.
         weight_change: Mean absolute change of the logarithms (base 10) of cost weights in a decision.
     """
 

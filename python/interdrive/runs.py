@@ -92,7 +92,7 @@ class Run(RunRecord):
         """Writes the run folder, whole or not at all, and returns its path; `load` is the inverse.
 
         Args:
-            folder: New or empty folder, or one that holds another run.
+            folder: A new or empty folder, or the folder of another run.
             overwrite: Replace the other run. A folder with other contents is never touched.
 
         Raises:
@@ -112,7 +112,7 @@ class Run(RunRecord):
         """All criticality measures at every time step, of all agents by default.
 
         Args:
-            participant_ids: Vehicles to judge; None: all agents.
+            participant_ids: Vehicles to evaluate; None: all agents.
             other_ids: The participants that count as others; None: all.
             settings: Parameters and switches of the measures.
             deceleration: Available deceleration of single vehicles by id [m/s²].
@@ -159,7 +159,7 @@ class Run(RunRecord):
             fps: Frames per second.
 
         Raises:
-            InputError: `agent_id` is no agent of the run, or `fps` is not positive.
+            InputError: `agent_id` is not an agent of the run, or `fps` is not positive.
             ResultsError: Another ending, or a file that cannot be written.
             MissingExtraError: MP4 without ffmpeg on the PATH.
         """
@@ -197,7 +197,7 @@ class RunInterrupted(KeyboardInterrupt):
     """Ctrl-C during a simulation.
 
     Attributes:
-        run: The run so far, with `finished` False; `save` and all the rest work.
+        run: The run until the interruption, with `finished` False; `save` and everything else work.
     """
 
     def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
@@ -247,7 +247,7 @@ def _unbound(part: T) -> T:
 
 
 def load(folder: str | Path) -> Run:
-    """The run that was saved in a folder; the same as `Run.load`.
+    """Loads the run that was saved in a folder; the same as `Run.load`.
 
     Args:
         folder: Folder that `save`, `interdrive run` or a batch wrote.

@@ -1,12 +1,10 @@
-"""The order of a step, written once: observe, predict, plan, advance, record."""
+"""Runs: steps of the core, in which predictors and planners in Python answer too; what is recorded."""
 
 from __future__ import annotations
 
-import time
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
@@ -85,7 +83,7 @@ class Simulation:
                 about all other agents.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             seed: Seed for the choice of agents.
-            threads: Threads that plan; None: the number of cores. Results do not depend on it.
+            threads: Number of planning threads; None: the number of cores. Results do not depend on it.
             on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
                 "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
 
@@ -129,6 +127,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Returns to the first time step, with new planners and a new predictor."""
+        self._n_predicted = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}
         self._stop_workers()
@@ -158,7 +157,7 @@ class Simulation:
         self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_workers()
         self._touching = self.world.entered_in_contact
-        self._timings: list[tuple[int, tuple[float, ...]]] = []
+        self._timings: list[tuple[int, list[float]]] = []
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
             CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
@@ -191,33 +190,30 @@ class Simulation:
         """
         if self.world.is_done:
             return
-        world, clock, marks = self.world, time.perf_counter, [time.perf_counter()]
-        time_step = world.time_step
-        scene = world.scene()
-        marks.append(clock())
-        predictions = world.expect(scene, self._predict(scene))
+        world, time_step = self.world, self.world.time_step
+        step = self._begin_step()
+        self._plan_python(step)
+        step.mark()
         if self._plan_ages is not None:
-            self._plan_ages.add(*predictions.plan_ages())
-        marks.append(clock())
-        plans = world.plan(scene, predictions)
-        marks.append(clock())
-        self._plan_python(scene, predictions, plans)
-        marks.append(clock())
+            self._plan_ages.add(*step.predictions.plan_ages())
         if self._prediction_log is not None:
-            self._prediction_log.add(predictions)
+            self._prediction_log.add(step.predictions)
         if self._candidate_log is not None:
-            self._candidate_log.add(world, scene, predictions, plans)
-        marks.append(clock())
-        collision = world.step(plans)
-        marks.append(clock())
+            self._candidate_log.add(world, step)
+        world.advance(step)
         if world.is_done:
             self._stop_workers()
-        *before, advance = (end - begin for begin, end in pairwise(marks))
-        self._timings.append((time_step, (*before, collision, advance - collision)))
+        self._timings.append((time_step, step.seconds))
+
+    def _begin_step(self) -> _core.Step:
+        """A step up to the plans of the core."""
+        step = self.world.observe()
+        forecast = self._predictor.native or self._predict(step.scene)
+        self.world.plan(step, forecast, self._n_predicted)
+        return step
 
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
-        horizon = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
-        return self._predictor.predict(self.world, scene, horizon)
+        return self._predictor.predict(self.world, scene, self._n_predicted)
 
     def _start_workers(self) -> None:
         """Moves planners in Python that allow it to separate processes."""
@@ -245,8 +241,9 @@ class Simulation:
             self._workers.close()
         self._workers = None
 
-    def _plan_python(self, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
-        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in plans.missing}
+    def _plan_python(self, step: _core.Step) -> None:
+        scene, predictions = step.scene, step.predictions
+        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in step.missing}
         answers: dict[int, Answer] = {}
         if self._workers is not None:
             away = {i: view for i, view in views.items() if i not in self._python_planners}
@@ -263,7 +260,7 @@ class Simulation:
         timeout_s = self.settings.step.planner_timeout_s
         if self._raises:
             for agent_id, view in views.items():
-                plans.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
+                step.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
             return
         with same_folder() if self._python_planners else nullcontext():
             for agent_id, view in views.items():
@@ -274,14 +271,14 @@ class Simulation:
             answer = answers[agent_id]
             try:
                 if not isinstance(answer, Failure):
-                    plans.set(view, *answer)
+                    step.set(view, *answer)
                     continue
             except InputError as error:
                 answer = Failure(str(error))
             name = self._configs[agent_id].planner.name
             # File names need not be text.
             line, trace = (text.encode("utf-8", "replace").decode() for text in (answer.line, answer.traceback))
-            plans.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
+            step.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
             self._tracebacks[agent_id] = trace
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
@@ -294,7 +291,7 @@ class Simulation:
             The finished run.
 
         Raises:
-            RunInterrupted: Ctrl-C; the exception holds the run so far.
+            RunInterrupted: Ctrl-C; the exception holds the run until then.
         """
         last = self.world.last_time_step or 0
         try:
@@ -308,7 +305,7 @@ class Simulation:
         return self.record()
 
     def record(self) -> Run:
-        """The run so far, as arrays."""
+        """The run until now, as arrays."""
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
@@ -375,9 +372,7 @@ class Simulation:
         at = self.world.time_step
         if any(message.startswith(STANDSTILL) for message in ended.values()):
             when = said_seconds(at, self.scenario.dt)
-            return [
-                f"the run ended at {when} s because nothing moved any more (step.standstill_s); there stood: {shown}"
-            ]
+            return [f"the run ended at {when} s because nothing moved any more (step.standstill_s); standing: {shown}"]
         return [f"the run ended after {at} time steps (step.max_steps) while these agents were still driving: {shown}"]
 
     def _repeatable_settings(self) -> RunSettings:
@@ -445,8 +440,8 @@ def simulate(
         rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
         v2x: Mapping from agent ids (and "default") to whether they have V2X.
         settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
-        seed: Seed for the choice of agents, and of what cooperation draws.
-        threads: Threads that plan; None: the number of cores. Results do not depend on it.
+        seed: Seed for the choice of agents and for the random numbers of cooperation.
+        threads: Number of planning threads; None: the number of cores. Results do not depend on it.
         on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
         on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 

@@ -182,7 +182,7 @@ def test_a_cluster_that_is_lost_is_one_line_in_rays_words(driven):
     assert found == ["A", "B"]
     assert str(error.value) == (
         "ray nowhere:1: the cluster, or its node on this machine, is lost (No answer within 60 seconds); "
-        "finished runs are kept, the same command does the missing ones"
+        "finished runs are kept, repeat the command to do the missing ones"
     )
 
 
@@ -200,7 +200,5 @@ def test_a_process_that_does_not_get_as_far_as_that_is_one_line(driven):
         driven(is_ended_before_it_is_connected)
     with pytest.raises(InputError, match=r"^ray nowhere: no cluster answers there$"):
         driven(finds_no_cluster)
-    with pytest.raises(
-        InterdriveError, match=r"ends before it begins \(exit code 1\); does the script guard its calls"
-    ):
+    with pytest.raises(InterdriveError, match=r"ended at once \(exit code 1\); does the script guard its calls"):
         driven(does_not_begin)

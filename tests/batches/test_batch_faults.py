@@ -137,7 +137,7 @@ def test_a_run_that_takes_too_much_memory_is_ended_and_recorded(place):
     done = idr.batch(["t_junction"], place / "out", planner=[bad, "idm"], workers=1, agents=1, memory=500 * 2**20)
     row = row_of(done, bad)
     assert (row["status"], row["attempts"]) == ("memory", 2)
-    assert "grew beyond 500 MiB" in row["error"]
+    assert "exceeded 500 MiB" in row["error"]
     assert row_of(done, "idm")["status"] == "finished"
 
 
@@ -176,7 +176,7 @@ def test_agents_that_could_not_be_found_out_are_a_row_until_they_are_known(place
         lost = idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1, alone=True)
     (row,) = lost.table.to_pylist()
     assert (lost.status, row["status"], row["agents"]) == ({"timeout": 1}, "timeout", "alone")
-    assert row["error"] == "its agents could not be found out: it took longer than 9 s (--run-timeout), twice"
+    assert row["error"] == "its agents could not be determined: it took longer than 9 s (--run-timeout), twice"
     known = idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1, alone=True)
     assert known.status == {"finished": 1}
     assert idr.batch("lane_merge", place / "out", planner="idm", workers=1, agents=1, predictor=QUICK).found == 0
@@ -273,7 +273,7 @@ def test_an_interrupted_batch_goes_on_where_it_was(place):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, out + err
-    assert err == "interrupted; finished runs are in out, the same command does the missing ones\n"
+    assert err == "interrupted; finished runs are in out, repeat the command to do the missing ones\n"
     assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
     before = digests(idr.read_batch(place / "out"))
     assert 1 <= len(before) < 4

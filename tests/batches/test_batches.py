@@ -479,7 +479,7 @@ def test_results_with_other_columns_are_refused(tmp_path, two_planners):
 
     (tmp_path / "batch.json").write_bytes((two_planners.folder / "batch.json").read_bytes())
     pq.write_table(two_planners.table.drop_columns(["harm"]), tmp_path / "results.parquet")
-    with pytest.raises(idr.ResultsError, match="its columns are not those of this version"):
+    with pytest.raises(idr.ResultsError, match="its columns differ from those of this version"):
         idr.read_batch(tmp_path)
 
 

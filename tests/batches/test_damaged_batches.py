@@ -71,9 +71,9 @@ def with_cell(folder: Path, column: str, value: object) -> None:
         ("key", "../../foreign", "key: '../../foreign' is not 32 hexadecimal digits"),
         ("key", "/tmp", "key: '/tmp' is not 32 hexadecimal digits"),
         ("key", "A" * 32, "is not 32 hexadecimal digits"),
-        ("status", "won", "status: 'won' is none of finished, refused, "),
-        ("traffic", "calm", "traffic: 'calm' is none of recorded, velocity_adjusting, same"),
-        ("outcome", "won", "outcome: 'won' is none of goal_reached, "),
+        ("status", "won", "status: 'won' is not one of finished, refused, "),
+        ("traffic", "calm", "traffic: 'calm' is not one of recorded, velocity_adjusting, same"),
+        ("outcome", "won", "outcome: 'won' is not one of goal_reached, "),
         ("outcome", None, "outcome: a value is missing"),
         ("agent_id", None, "agent_id: a value is missing"),
         ("jerk_rms", float("inf"), "jerk_rms: inf in row 0 is too large"),
@@ -89,7 +89,7 @@ def test_a_value_that_no_batch_writes(folder, column, value, words):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda table: table.drop_columns(["seed"]), "its columns are not those of this version (seed differs)"),
+        (lambda table: table.drop_columns(["seed"]), "its columns differ from those of this version (seed differs)"),
         (lambda table: table.set_column(8, "seed", table["seed"].cast("string")), "seed: values of type string"),
         (lambda table: table.set_column(8, "seed", table["seed"].cast("double")), "seed: values of type double"),
         (lambda table: table.select(table.column_names[::-1]), "(their order differs)"),
@@ -166,4 +166,4 @@ def test_a_file_of_a_run_with_another_name_or_key_is_refused(folder):
     pq.write_table(one, folder / "runs" / "mine.parquet")
     assert all("mine.parquet: key: 'mine' is not 32 hexadecimal" in line for line in refusals(folder))
     (folder / "runs" / "mine.parquet").rename(folder / "runs" / f"{'0' * 32}.parquet")
-    assert all("it is that of another run" in line for line in refusals(folder))
+    assert all("it belongs to another run" in line for line in refusals(folder))

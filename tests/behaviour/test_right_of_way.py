@@ -330,7 +330,7 @@ def test_without_the_rule_there_are_no_orders(tmp_path):
     ("column", "value", "words"),
     [
         ("by_id", 4711, "by_id: 4711 has no states"),
-        ("kind", "wish", "kind: 'wish' is none of yield, exit, queue"),
+        ("kind", "wish", "kind: 'wish' is not one of yield, exit, queue"),
         ("last_time_step", -1, "last_time_step: -1 in row 0 is before the first one"),
     ],
 )

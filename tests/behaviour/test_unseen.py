@@ -90,4 +90,4 @@ def test_a_car_that_stands_in_view_holds_what_is_behind_it():
 
 def test_why_it_stood_is_told():
     run = drive(corner(3.0, time=95))
-    assert "it did not see whether others came" in run.outcomes.reason[0]
+    assert "it could not see whether others came" in run.outcomes.reason[0]

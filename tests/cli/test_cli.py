@@ -269,7 +269,7 @@ def test_an_interrupted_run_is_kept_as_far_as_it_came_and_exits_with_130(simulat
     simulated.result = RunInterrupted(replace(GOOD, finished=False))
     done = invoke("run", "bend.xml", "--out", "made")
     seconds = (GOOD.states.n_steps - 1) * GOOD.scenario.dt
-    line = f"interrupted after {seconds:.1f} s; the run so far is in made\n"
+    line = f"interrupted after {seconds:.1f} s; the run until then is in made\n"
     assert (done.exit_code, done.stdout, done.stderr) == (130, "", line)
     assert read_results("made").info["finished"] is False
 
@@ -473,7 +473,7 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         ),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--predictor", "lane_folowing"], "did you mean lane_following?"),
-        (["--agent-view", "99"], "agent 99: a film of it is asked for, but it is not an agent"),
+        (["--agent-view", "99"], "agent 99: --agent-view asks for a film of it, but it is not an agent"),
     ],
 )
 def test_what_the_simulation_refuses_is_one_line_and_nothing_is_written(real, arguments, message):

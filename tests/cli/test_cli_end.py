@@ -87,7 +87,7 @@ def test_ctrl_c_while_modules_are_imported_is_one_line(module):
 def test_a_working_folder_that_is_gone_is_one_line(tmp_path):
     prepared = f"os.mkdir({str(tmp_path / 'gone')!r}); os.chdir({str(tmp_path / 'gone')!r}); os.rmdir(os.getcwd())"
     done = ended(prepared, "settings")
-    assert (done.returncode, done.stderr) == (2, "error: the working folder is gone; change to another one\n")
+    assert (done.returncode, done.stderr) == (2, "error: the working folder no longer exists; change to another one\n")
 
 
 def test_closed_streams_are_no_failure():

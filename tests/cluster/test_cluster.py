@@ -131,7 +131,7 @@ def test_a_cluster_that_is_lost_is_one_line_and_the_batch_goes_on_without_it(mor
     assert out == ""
     assert err.startswith(f"error: ray {mortal_cluster.address}: the ")
     assert err.count("\n") == 1
-    assert err.endswith("; finished runs are kept, the same command does the missing ones\n")
+    assert err.endswith("; finished runs are kept, repeat the command to do the missing ones\n")
     ended(batch(place, *wanted, "--out", "ray", "--workers", 2))
     rows = stored(place / "ray")
     assert {row["status"] for row in rows} == {"finished"}
@@ -144,7 +144,7 @@ def test_an_interrupted_batch_leaves_nothing_at_work_on_the_cluster(cluster, pla
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130, (out, err)
-    assert err == "interrupted; finished runs are in ray, the same command does the missing ones\n"
+    assert err == "interrupted; finished runs are in ray, repeat the command to do the missing ones\n"
     await_end(left)
     assert stored(place / "ray") == []
 

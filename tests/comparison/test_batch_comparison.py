@@ -161,7 +161,7 @@ def test_a_planner_that_lacks_scenarios_is_compared_over_those_that_it_has(tmp_p
     assert [row(found, "all", name)["collisions"] for name in ("a", "b", "slow")] == [50.0, 0.0, 50.0]
     assert {r["n_agents"] for r in found.table.to_pylist()} == {2}
     assert found.sets[0].left_out == {"a": 1, "b": 1, "slow": 0}
-    assert found.sets[0].size == "2 agents in 1 scenario, those that all 3 planners drove; not counted: a 1, b 1"
+    assert found.sets[0].size == "2 agents in 1 scenario, driven by all 3 planners; not counted: a 1, b 1"
     assert "Only agents that all planners drove are compared" in " ".join(found.caveats)
     whole = compare(folder, planners=["a", "b"])
     assert (row(whole, "all", "a")["n_agents"], whole.sets[0].size) == (3, "3 agents in 2 scenarios")
@@ -265,7 +265,7 @@ def test_below_the_differences_stands_what_bold_means(tmp_path):
             for name, who, one in scattered(21)]  # fmt: skip
     mixed = compare(invented(tmp_path / "mixed", runs))
     assert list(sheets_of(mixed, mixed.sets[0]))[-1].note == (
-        "Bold: the interval does not contain zero. Never in bold, being over fewer than 20 scenarios: jerk [m/s³]."
+        "Bold: the interval does not contain zero. Never in bold, with fewer than 20 scenarios: jerk [m/s³]."
     )
 
 
@@ -285,7 +285,7 @@ def test_few_scenarios_are_warned_of_when_no_interval_has_a_width(tmp_path):
     said = " ".join(compare(invented(tmp_path / "batch", scattered(2, values=(3.0,)))).caveats)
     assert "All differences are over fewer than 20 scenarios" in said
     assert "Intervals (95 %)" in said
-    assert "true zeros" not in said
+    assert "truly zero" not in said
 
 
 def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
@@ -295,8 +295,10 @@ def test_true_zeros_are_counted_among_differences_of_enough_scenarios(tmp_path):
     rows = found.differences.to_pylist()
     assert sum(row["low"] is not None and row["low"] < row["high"] for row in rows) == 3
     said = " ".join(found.caveats)
-    assert "2 differences with an interval of 20 or more scenarios (1 over all categories, 1 within categories)" in said
-    assert "of 2 true zeros at least about 0.1 would" in said
+    assert (
+        "2 differences have an interval over 20 or more scenarios (1 over all categories, 1 within categories)" in said
+    )
+    assert "if all were truly zero, about 0.1 intervals or more would" in said
     assert f"{len(rows) // 3} of {len(rows)} differences are over fewer than 20" in said
 
 

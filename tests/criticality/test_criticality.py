@@ -133,7 +133,7 @@ def test_only_those_asked_for_are_judged():
     found = evaluate(following(), [2])
     assert found.participant_id.tolist() == [2]
     assert found.row(2) == 0
-    with pytest.raises(InputError, match="participant 1 was not judged"):
+    with pytest.raises(InputError, match="participant 1 was not evaluated"):
         found.row(1)
 
 
@@ -206,14 +206,14 @@ def test_impossible_settings_are_refused(change, text):
 
 def test_what_cannot_be_judged_is_refused_in_one_line():
     scenario = following()
-    for ids, text in (([9], "no participant with id 9"), ([1, 1], "participant 1 is asked for twice")):
+    for ids, text in (([9], "no participant with id 9"), ([1, 1], "participant 1 is requested twice")):
         with pytest.raises(InputError, match=text):
             evaluate(scenario, ids)
     with pytest.raises(InputError, match="threads must be at least 1 and at most 1024, not 0"):
         evaluate(scenario, threads=0)
     with pytest.raises(InputError, match="no participant with id 8"):
         evaluate(scenario, other_ids=[8])
-    with pytest.raises(InputError, match="participant 7: a deceleration is given for it, but it is not judged"):
+    with pytest.raises(InputError, match="participant 7: a deceleration is given for it, but it is not evaluated"):
         evaluate(scenario, deceleration={7: 4.0})
     with pytest.raises(InputError, match=r"available deceleration of participant 1 must be positive, not -2"):
         evaluate(scenario, deceleration={1: -2.0})
@@ -256,7 +256,7 @@ def test_crossing_vehicles_have_conflict_areas_where_they_are_stated_or_looked_f
     scenario = world(crossing(), cars=cars, steps=90)
     found = evaluate(scenario)
     assert np.isinf(found["pet"]).all()
-    assert "the map states no intersection" in found.notes[0]
+    assert "the map has no intersection" in found.notes[0]
     found = evaluate(scenario, settings=CriticalitySettings(conflict_areas="crossing"))
     # No lanelet leads to these or away from them: no route leads across.
     assert np.isinf(found["pet"]).all()
@@ -468,7 +468,7 @@ def test_figures_show_the_vehicle_and_the_moment():
     assert "no conflict" in [text.get_text() for text in figure.axes[NAMES.index("pet")].texts]
     scene = draw_critical_moment(recorded_run(scenario), moment)
     assert "time to collision along lanes 1.05 s at 2.0 s" in scene.axes[0].get_title(loc="left")
-    with pytest.raises(InputError, match="was not judged"):
+    with pytest.raises(InputError, match="was not evaluated"):
         draw_criticality(found, 5)
     with pytest.raises(InputError, match="the moment of msd has no partner: there is no encounter to draw"):
         draw_critical_moment(recorded_run(scenario), found.most_critical("msd"))

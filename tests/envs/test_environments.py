@@ -363,7 +363,7 @@ def test_failures_raise_what_is_drawn_by_the_hardest_sampler():
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction", decision_seconds=0.15),
-            "decision_seconds: 0.15 is no multiple of dt = 0.1 (t_junction)",
+            "decision_seconds: 0.15 is not a multiple of dt = 0.1 (t_junction)",
         ),
         (
             lambda: envs.DriveEnv(scenarios="t_junction", render_mode="human"),

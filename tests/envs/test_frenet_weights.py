@@ -119,9 +119,9 @@ def test_neither_threads_nor_the_number_of_worlds_change_a_bit():
     ("terms", "text"),
     [
         (("lateral_velocity",), "actions: weight of lateral_velocity is 0 and cannot be scaled"),
-        (("velocity_offset",), "actions: there is no weight velocity_offset to be changed"),
-        (("jerks",), "actions: there is no weight jerks to be changed"),
-        (("prediction", "prediction"), "actions: the weight of prediction is there twice"),
+        (("velocity_offset",), "actions: there is no weight velocity_offset"),
+        (("jerks",), "actions: there is no weight jerks"),
+        (("prediction", "prediction"), "actions: the weight of prediction occurs twice"),
     ],
 )
 def test_weights_that_cannot_be_changed_are_named(terms, text):

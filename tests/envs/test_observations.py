@@ -117,7 +117,7 @@ def test_a_policy_may_observe_edges_and_predictions_and_drives_as_in_its_environ
 
 
 def test_a_policy_that_needs_pictures_cannot_be_a_planner(tmp_path):
-    with pytest.raises(InputError, match=r"observation\.raster: a policy as a planner observes numbers only"):
+    with pytest.raises(InputError, match=r"observation\.raster: a policy used as a planner observes numbers only"):
         envs.export_policy(tmp_path / "p", layers(), observation=envs.ObservationSettings(raster=True))
 
 

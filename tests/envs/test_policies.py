@@ -79,7 +79,7 @@ def damaged(change):
         (damaged(lambda _, told: told.update(format="2")), "format 2, this version reads 1"),
         (
             damaged(lambda _, told: told.update(layout="0")),
-            "it observes something else than this version; train it again",
+            "its observation differs from that of this version; train it again",
         ),
         (
             damaged(lambda tensors, _: tensors.update({"hidden.0.weight": np.zeros((32, 300), np.float32)})),

@@ -49,7 +49,7 @@ def choosing():
             lambda: several().reset(options={"reset_mask": [True, False]}),
             "reset_mask: 4 booleans expected, one per world",
         ),
-        (lambda: several(autoreset_mode="OFF"), "autoreset_mode: OFF is none of NEXT_STEP, SAME_STEP, DISABLED"),
+        (lambda: several(autoreset_mode="OFF"), "autoreset_mode: OFF is not one of NEXT_STEP, SAME_STEP, DISABLED"),
         (lambda: single(learners=2.5), "learners: a number, 'all' or ids expected, not 2.5"),
         (lambda: single(learners=[]), "learners: a number, 'all' or ids expected, not []"),
         (lambda: single(learners=[77]), "learners: 77 cannot be an agent of t_junction"),

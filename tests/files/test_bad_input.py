@@ -224,7 +224,7 @@ def test_ctrl_c_in_the_middle_of_a_run(here):
         finally:
             running.kill()
     assert (running.returncode, stdout) == (130, "")
-    assert re.fullmatch(r"interrupted after \d\.\d s; the run so far is in made\n", stderr)
+    assert re.fullmatch(r"interrupted after \d\.\d s; the run until then is in made\n", stderr)
     assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"watched.py", "started", "made"}
     kept = idr.load(here / "made")
     assert not kept.finished

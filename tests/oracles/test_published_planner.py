@@ -142,9 +142,9 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
     simulation = Simulation(scenario, agents=[AGENT], planner=planner, predictor="constant_velocity", threads=1)
     ours = Path.through(simulation.agents[0].route.reference_path)
     assert np.allclose(ours.curve(ours.curve.x), path.curve(path.curve.x)), "the reference path depends on the start"
-    scene = simulation.world.scene()
-    expected = predictions(scene) if predictions else simulation._predict(scene)
-    found = simulation.world.candidates(AGENT, scene, expected)
+    step = simulation.world.observe()
+    simulation.world.plan(step, (predictions or simulation._predict)(step.scene))
+    found = simulation.world.candidates(AGENT, step)
     n_lanes = len(np.unique(found["end_offset"][: len(found["cost"]) - found["n_steered"]]))
     return Case(simulation, path, taken(road, start), found, n_lanes)
 
@@ -602,9 +602,9 @@ def test_a_plan_takes_a_fraction_of_the_time_of_the_published_planner(measured):
     seconds: dict[str, float] = {}
     for name, lazy in (("lazy", True), ("all samples", False)):
         one = case("S bend", start, tuple(cars), lazy=lazy)
-        world_now, scene = one.simulation.world, one.simulation.world.scene()
-        expected = one.simulation._predict(scene)
-        seconds[name] = best_of(40, lambda w=world_now, s=scene, e=expected: w.plan(s, e))
+        step = one.simulation._begin_step()
+        expected = step.predictions
+        seconds[name] = best_of(40, lambda w=one.simulation.world, s=step, e=expected: w.plan(s, e))
     rows = np.flatnonzero(np.isin(expected.ids, [1, 2, 3]))
     repeated = [*range(N_POINTS - 1), N_POINTS - 2]
     mean = np.stack([expected.x[rows, 0], expected.y[rows, 0]], axis=-1)[:, repeated]

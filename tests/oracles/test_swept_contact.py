@@ -10,7 +10,7 @@ import pytest
 from bodies import Body, body_of, distances, random_shape
 
 from interdrive import _core
-from interdrive.native_settings import ConstantVelocity, CoreStepSettings, RoadSettings, RulesSettings, ViewSettings
+from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, ViewSettings
 from interdrive.scenario import Scenario, Shape
 
 SUBSTEPS = 1000
@@ -120,10 +120,10 @@ def world_of(scenario: _core.Scenario, agents: list[_core.Agent]) -> _core.World
     return _core.World(scenario, agents, CoreStepSettings(history_steps=1), threads=1)
 
 
-def go(plans: _core.Plans, view: _core.View, start: np.ndarray, end: np.ndarray, speed: float) -> None:
+def go(step: _core.Step, view: _core.View, start: np.ndarray, end: np.ndarray, speed: float) -> None:
     """A plan for one step that ends at a speed."""
     two = {name: np.array([start[k], end[k]]) for k, name in enumerate(FIELDS[:3])}
-    plans.set(view, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2), slides=True)
+    step.set(view, **two, velocity=np.array([0.0, speed]), acceleration=np.zeros(2), yaw_rate=np.zeros(2), slides=True)
 
 
 def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
@@ -146,16 +146,13 @@ def judged(motions: list[Motion], partner_is_agent: bool) -> list[float]:
         scenario = recorded_obstacles(road, ids, [m.b for m in motions], np.array([[p[2], p[3]] for p in moved]))
     world = world_of(scenario, agents)
     assert world.entered_in_contact == []
-    scene = world.scene()
-    plans = world.plan(
-        scene, world.predict(_core.Predictor.constant_velocity(ConstantVelocity(0.1, 0.1, 0.1)), scene, 1)
-    )
+    step = world.observe()
     for k, p in enumerate(moved):
         # All speeds grow from 0, the agent's to 1: the speed of impact is the fraction of the step.
-        go(plans, world.view(scene, 2 * k), p[0], p[1], 1.0)
+        go(step, world.view(step.scene, 2 * k), p[0], p[1], 1.0)
         if partner_is_agent:
-            go(plans, world.view(scene, 2 * k + 1), p[2], p[3], 0.0)
-    world.step(plans)
+            go(step, world.view(step.scene, 2 * k + 1), p[2], p[3], 0.0)
+    world.advance(step)
     outcomes = world.outcomes()
     found = {}
     for row, i in enumerate(outcomes["agent_id"].tolist()):
@@ -281,17 +278,15 @@ def replayed(scenario: Scenario) -> dict[int, tuple[int, int] | None]:
     assert all(np.diff(np.flatnonzero(o.valid[row])).max(initial=1) == 1 for row in moving)
     agents = [agent(int(o.ids[row]), bodies[row], poses[row, first[row]], first[row], route, goal) for row in moving]
     world, row_of = world_of(obstacles, agents), {int(o.ids[row]): row for row in moving}
-    predictor = _core.Predictor.constant_velocity(ConstantVelocity(0.1, 0.1, 0.1))
     while not world.is_done:
-        step, scene = world.time_step, world.scene()
-        plans = world.plan(scene, world.predict(predictor, scene, 1))
-        for i in plans.missing:
+        now, step = world.time_step, world.observe()
+        for i in step.missing:
             row = row_of[i]
-            if step + 1 < o.n_steps and o.valid[row, step + 1]:
-                go(plans, world.view(scene, i), poses[row, step], poses[row, step + 1], 0.0)
+            if now + 1 < o.n_steps and o.valid[row, now + 1]:
+                go(step, world.view(step.scene, i), poses[row, now], poses[row, now + 1], 0.0)
             else:
-                plans.fail(i, "the recording ends")
-        world.step(plans)
+                step.fail(i, "the recording ends")
+        world.advance(step)
     found = world.outcomes()
     assert not found["off_road"].any()
     ends = zip(found["agent_id"].tolist(), found["time_step"].tolist(), found["partner_id"].tolist(), strict=True)

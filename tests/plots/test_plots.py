@@ -272,7 +272,7 @@ def test_a_film_of_a_run_without_agents_shows_recorded_traffic_that_moves(run, t
     [
         ("run.avi", {}, ResultsError, r"films end in .gif or .mp4"),
         ("run.gif", {"fps": 0}, InputError, "fps must be positive"),
-        ("run.gif", {"agent_id": 99}, InputError, "agent 99 is not one of the run"),
+        ("run.gif", {"agent_id": 99}, InputError, "agent 99 is not in the run"),
     ],
 )
 def test_a_film_that_cannot_be_made_is_refused_in_one_line(run, tmp_path, name, arguments, error, message):

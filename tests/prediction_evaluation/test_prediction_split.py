@@ -30,7 +30,7 @@ def test_a_split_says_which_files_are_judged_and_their_category(tmp_path):
     )
     assert [path.stem for path in found.files] == ["lane_merge"]
     assert set(found.samples.category) == {"highway"}
-    assert "1 files; 2 of other parts, 1 of no place" in found.notes[0]
+    assert "1 files; 2 of other parts, 1 without a place" in found.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_a_drive_in_two_files_is_counted_once_and_the_note_says_so(tmp_path):
     of_second = both.samples.file == 1
     assert set(both.samples.participant_id[of_second]) == {int(missing.get("id"))}
     n, vehicles = (~of_second).sum(), len(set(both.samples.participant_id[~of_second]))
-    assert f"{n} samples of {vehicles} vehicles in 1 files are left out: files before them show the same" in both.notes
+    assert f"{n} samples of {vehicles} vehicles in 1 files are left out: earlier files contain them" in both.notes
 
 
 def test_a_file_that_shows_nothing_new_is_not_among_the_files(tmp_path):

@@ -142,7 +142,7 @@ def test_a_truncated_file_is_named(file):
         ({}, "0", r"made for features of version 0, this interdrive computes version \d+; use weights"),
         ({}, None, r"made for features of version none"),
         ({"agent.0.bias": np.zeros(25)}, VERSION, r"small.safetensors: tensor agent.0.bias has shape \[25\], \(24\)"),
-        ({"more": np.zeros(1)}, VERSION, "nothing is known of the tensor more"),
+        ({"more": np.zeros(1)}, VERSION, "unknown tensor more"),
         (
             {"decode.tail": np.array([0.1, 0.5, 0.0, 1.0])},
             VERSION,
@@ -175,7 +175,7 @@ def test_values_that_were_changed_after_training_are_refused(file):
     save_file(weights(), file, metadata)
     Simulation(scenario(), predictor=Neural(weights=str(file)))
     save_file(weights(seed=1), file, metadata)
-    with pytest.raises(InputError, match=r"small.safetensors: the values are not the trained ones"):
+    with pytest.raises(InputError, match=r"small.safetensors: the values differ from the trained ones"):
         Simulation(scenario(), predictor=Neural(weights=str(file)))
 
 

@@ -132,10 +132,11 @@ def test_the_planner_adds_the_collision_probabilities_of_all_modes_by_their_prob
         problems=[problem(100, 10.0, 3.5, 8.0, goal=(150.0, 3.5), time_step=(0, 200))],
     )
     simulation = Simulation(scenario, agents=[100], threads=1)
-    scene = simulation.world.scene()
 
     def found(first, second):
-        return simulation.world.candidates(100, scene, two_modes(scene, first, second))
+        step = simulation.world.observe()
+        simulation.world.plan(step, two_modes(step.scene, first, second))
+        return simulation.world.candidates(100, step)
 
     def prediction_cost(first, second):
         costs = found(first, second)

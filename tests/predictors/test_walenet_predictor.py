@@ -42,16 +42,7 @@ class Traffic:
 
     def after(self, steps):
         for _ in range(steps):
-            scene = self.world.scene()
-            nothing = _core.Predictions(
-                scene.time_step,
-                np.zeros(0, np.int64),
-                np.zeros((0, 1)),
-                *(np.zeros((0, 1, 1)) for _ in range(4)),
-                np.zeros((0, 1, 1, 2, 2)),
-                np.zeros((0, 1, 1), bool),
-            )
-            self.world.step(self.world.plan(scene, nothing))
+            self.world.advance(self.world.observe())
         return self
 
     def predict(self, n_steps=30):

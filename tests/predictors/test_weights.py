@@ -160,7 +160,7 @@ def test_another_wheel_is_refused_and_nothing_is_written(invented, tmp_path, cac
     result = invoke("install", "walenet", "--from", str(wheel(tmp_path / "a.whl", data, member)))
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert words in result.stderr
-    assert "wanted is the wheel of wale-net 3.0.3" in result.stderr
+    assert "give the wheel of wale-net 3.0.3" in result.stderr
     assert not cache.exists()
 
 

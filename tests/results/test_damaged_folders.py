@@ -99,7 +99,7 @@ def test_no_command_writes_through_a_link(folder, command, name):
 @pytest.mark.parametrize(
     ("column", "value", "words"),
     [
-        ("measure", "luck", "measure: 'luck' is none of hw, thw, ttc"),
+        ("measure", "luck", "measure: 'luck' is not one of hw, thw, ttc"),
         ("time_step", 10**6, "out of order"),
         ("participant_id", -(2**60), "participant_id: -1152921504606846976 in row 9 is too large"),
     ],

@@ -51,7 +51,7 @@ def test_files_are_found_below_a_folder_and_other_content_is_told(tmp_path):
     other = replace(second, sha256="0" * 64)
     found, missing = find_files((first, other, replace(other, name="gone")), tmp_path)
     assert list(found) == [first.sha256]
-    assert missing[0].endswith(f"{second.name}.xml has other content")
+    assert missing[0].endswith(f"{second.name}.xml has other contents")
     assert missing[1] == "gone: not found (a/b c.xml 1)"
 
 
@@ -76,7 +76,7 @@ def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tm
         ([], "name a planner"),
         (["idm", "--set", "private-1"], "there are public-1, shipped-2"),
         (["idm", "--split", "train"], "expected one of test, dev, all"),
-        (["idm", "--split", "test"], "shipped-2 has no scenarios in it"),
+        (["idm", "--split", "test"], "shipped-2 has no scenarios; use all"),
         (["idm", "--set", "public-1", "--scenarios", "no/such/folder"], "no such folder"),
     ],
 )

@@ -55,7 +55,7 @@ def test_other_settings_and_chosen_agents_are_printed_only(folder, tmp_path):
     ("arguments", "said"),
     [
         (["--agents", "x"], "--agents x: write them as 12,34"),
-        (["--agents", "7"], "7 is no agent of this run"),
+        (["--agents", "7"], "7 is not an agent of this run"),
         (["--set", "scoring.jerk=3"], "jerk"),
         (["--set", "scoring.overspeed=0"], "overspeed: must be positive, is 0.0"),
     ],

@@ -51,7 +51,7 @@ def test_the_recording_itself_gets_everything():
     found = idr.score(follow(Car(2, x=60.0, velocity=12.0), "recorded"))
     assert (found.score[0], found.score_strict[0], found.excused[0]) == (1.0, 1.0, ())
     assert np.isnan(found.terms["speed_term"][0]), "no lanelet states a limit"
-    assert found.why(1) == "nothing to complain about"
+    assert found.why(1) == "full score"
 
 
 def test_who_stands_where_the_recording_drives_makes_no_progress():
@@ -69,7 +69,7 @@ def test_driving_into_a_standing_car_is_its_fault_and_the_score_says_so(collided
         "at fault: ran into 2, which was in its way at 0.0 s with 55.5 m left, 15.0 m needed"
     )
     assert "ttc" in found.excused[0], "the recording drove through the standing car, too"
-    assert "excused, as the recording is no better: time to contact straight on" in found.why(1)
+    assert "time to contact straight on not counted: the recorded driver was no better" in found.why(1)
     assert found.score_strict[0] == 0.0
 
 
@@ -142,5 +142,5 @@ def test_scores_do_not_depend_on_the_order_of_agents_and_are_written_with_equal_
 
 
 def test_an_agent_that_is_not_there_is_refused(collided):
-    with pytest.raises(idr.InputError, match="7 is no agent of this run"):
+    with pytest.raises(idr.InputError, match="7 is not an agent of this run"):
         idr.score(collided, [7])

@@ -241,7 +241,7 @@ class Hasty(Straight):
             {"v2x.penetration": 1.0, "v2x.delay": 2.0},
             "frenet",
             (
-                "v2x.delay: messages arrive after 2 s and are forgotten after 1.5 s (v2x.age_max):"
+                "v2x.delay: messages arrive after 2 s and are discarded after 1.5 s (v2x.age_max):"
                 " no message can ever be used"
             ),
         ),

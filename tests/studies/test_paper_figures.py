@@ -158,7 +158,7 @@ def test_goals_of_a_run_survive_its_folder(merge, folder):
 
 
 def test_unknown_agents_too_many_lines_and_empty_moments_are_refused(run):
-    with pytest.raises(InputError, match="agent 9 is not one of the run; its agents are 1, 2, 3, 4"):
+    with pytest.raises(InputError, match="agent 9 is not in the run; its agents are 1, 2, 3, 4"):
         chosen_agents(run, [9])
     with pytest.raises(InputError, match="4 agents are too many for lines in one picture; name at most 3"):
         chosen_agents(run, None, 3)
@@ -198,7 +198,7 @@ def test_the_help_names_every_kind_of_figure():
         (["--kind", "scene@nan"], "write the time in seconds"),
         (["--kind", "scene@99"], "none of these agents is there at 99 s"),
         (["--kind", "velocity", "--agents", "a"], "--agents a: write them as 12,34"),
-        (["--kind", "velocity", "--agents", "7"], "agent 7 is not one of the run"),
+        (["--kind", "velocity", "--agents", "7"], "agent 7 is not in the run"),
         (["--kind", "velocity", "--out", "v.jpg"], "figures end in .pdf, .png or .svg"),
         (["--kind", "criticality", "--measures", "tttc"], "there is no measure 'tttc'; did you mean ttc?"),
         (["--kind", "criticality", "--measures", ","], "--measures: name at least one"),

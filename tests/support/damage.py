@@ -176,7 +176,7 @@ DAMAGES = (
     _table("a state nowhere", "states", with_cell("x", float("inf")), "x: inf in row "),
     _table("a state that is no number", "states", with_cell("y", float("nan")), "y: nan in row "),
     _table("a state beyond everything", "states", with_cell("x", 1e300), "x: 1e+300 in row "),
-    _table("a kind that is none", "states", with_cell("kind", "tank"), "kind: 'tank' is none of unknown, car, "),
+    _table("a kind that is none", "states", with_cell("kind", "tank"), "kind: 'tank' is not one of unknown, car, "),
     _table("a length below 0", "states", with_cell("length", -4.5), "length: -4.5 in row "),
     _table("an agent that grows", "states", with_cell("width", 9.0), "width: 9.0 in row "),
     _table(
@@ -188,7 +188,7 @@ DAMAGES = (
     ),
     _table("half of the agents", "outcomes", _half, "it has 1 rows, run.json says 3"),
     _table("half of the agents of an older run", "outcomes", _half, "agent_id: the agents are not th", counted=False),
-    _table("an outcome that is none", "outcomes", with_cell("outcome", "won"), "outcome: 'won' is none of "),
+    _table("an outcome that is none", "outcomes", with_cell("outcome", "won"), "outcome: 'won' is not one of "),
     _table("a partner that is none", "outcomes", with_cell("partner_id", 4711), "partner_id: 4711 has no states"),
     _table("an end after the end", "outcomes", with_cell("time_step", 10**9), "time_step: 1000000000 in row 2 is "),
     _table("outcomes in disorder", "outcomes", lambda table: table.take([1, 0, 2]), "agent_id: row 1 is out of order"),
@@ -198,7 +198,7 @@ DAMAGES = (
     _table("plans with holes", "plans", _without("point", 3), "point: 4 in row 3 does not follow", counted=False),
     _table("a point far away", "plans", with_cell("point", 2**31), "point: 2147483648 in row "),
     _table("a plan of an unknown agent", "plans", with_cell("agent_id", 4711), "agent_id: 4711 has no outcome"),
-    _table("a status that is none", "plans", with_cell("status", "dreamt"), "status: 'dreamt' is none of none, "),
+    _table("a status that is none", "plans", with_cell("status", "dreamt"), "status: 'dreamt' is not one of none, "),
     _table(
         "a time step without time", "timing", _without("time_step", 3), "time_step: time steps are miss", counted=False
     ),

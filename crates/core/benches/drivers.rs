@@ -14,7 +14,7 @@ use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
 use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{State, States};
 use interdrive_core::vehicle::{ParticipantKind, Vehicle};
-use interdrive_core::world::{Agent, World, WorldSettings};
+use interdrive_core::world::{Agent, Forecast, Step, World, WorldSettings};
 
 const N_AGENTS: i64 = 24;
 const N_STEPS: usize = 100;
@@ -108,14 +108,19 @@ fn benches(c: &mut Criterion) {
     ] {
         let mut world = world(&planner);
         let predictor = Predictor::LaneFollowing(LaneFollowing::default());
-        let predict = |world: &World| world.predict(&predictor, &world.scene(), 30).expect("predictions");
+        let begin = |world: &World| {
+            let mut step = Step::begin(world);
+            step.expect(world, Forecast::Core(&predictor, 30)).expect("predictions");
+            step
+        };
         // After the first steps, as in the middle of a run.
         for _ in 0..5 {
-            let plans = world.plan(&world.scene(), &predict(&world)).expect("plans");
-            world.step(&plans).expect("a step");
+            let mut step = begin(&world);
+            step.plan(&world).expect("plans");
+            world.step(&step.plans).expect("a step");
         }
-        let (scene, predictions) = (world.scene(), predict(&world));
-        group.bench_function(name, |b| b.iter(|| world.plan(&scene, &predictions).expect("plans")));
+        let mut step = begin(&world);
+        group.bench_function(name, |b| b.iter(|| step.plan(&world).expect("plans")));
     }
     group.finish();
 }

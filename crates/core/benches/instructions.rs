@@ -10,7 +10,7 @@ use interdrive_core::plan::Planner;
 use interdrive_core::predict::neural::Neural;
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::v2x::V2xSettings;
-use interdrive_core::world::{World, WorldSettings};
+use interdrive_core::world::{Forecast, Step, World, WorldSettings};
 
 mod network;
 #[path = "../tests/shipped/mod.rs"]
@@ -30,9 +30,9 @@ fn main() {
         "plan" => {
             let mut world = world(shipped::T_JUNCTION, 1);
             steps(&mut world, &following, 10);
-            let scene = world.scene();
-            let predictions = world.predict(&following, &scene, HORIZON).expect("predictions");
-            (0..times).for_each(|_| drop(black_box(world.plan(&scene, &predictions))));
+            let mut step = Step::begin(&world);
+            step.expect(&world, Forecast::Core(&following, HORIZON)).expect("predictions");
+            (0..times).for_each(|_| black_box(step.plan(&world)).expect("plans"));
         }
         "predict_lane_following" => predict(&following, times),
         "predict_neural" => {
@@ -91,10 +91,10 @@ fn cooperate(v2x: V2xSettings, predictor: &Predictor, n: usize) {
 
 fn steps(world: &mut World, predictor: &Predictor, n: usize) {
     for _ in 0..n {
-        let scene = world.scene();
-        let predictions = world.predict(predictor, &scene, HORIZON).expect("predictions");
-        let plans = world.plan(&scene, &predictions).expect("plans");
-        world.step(&plans).expect("a step");
+        let mut step = Step::begin(world);
+        step.expect(world, Forecast::Core(predictor, HORIZON)).expect("predictions");
+        step.plan(world).expect("plans");
+        world.step(&step.plans).expect("a step");
     }
 }
 

@@ -1,5 +1,5 @@
-//! One call of the neural predictor for traffic on a six-lane road with a fork; one thread. Layers as wide as those that
-//! are shipped, weights of no meaning.
+//! One call of the neural predictor for traffic on a six-lane road with a fork; one thread. The layers are as wide as
+//! the shipped ones; the weights are arbitrary.
 
 use std::hint::black_box;
 use std::sync::Arc;

@@ -7,9 +7,9 @@ use crate::road::RoadNetwork;
 use crate::vehicle::Vehicle;
 
 /// Bodies that come nearer than this during a step are in contact [m].
-const CONTACT: f64 = 1e-4;
-/// After so many advances the bodies are taken to be in contact. Only a body that spins within millimetres of another
-/// one for most of a turn gets here.
+const CONTACT_DISTANCE: f64 = 1e-4;
+/// Number of advances after which the bodies count as in contact; reached only by a body that spins within millimetres
+/// of another one for most of a turn.
 const ADVANCES_MAX: usize = 2000;
 /// Between two looks at the road no point of a footprint moves farther than this [m].
 const ROAD_CHECK_SPACING: f64 = 0.25;
@@ -54,12 +54,13 @@ impl RigidMotion {
     }
 }
 
-/// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to
-/// 1e-4 m: bodies that pass nearer than that may be reported, those that touch are.
+/// Earliest fraction of the step, in [0, 1], at which two bodies touch; `None` if they do not. Exact to 1e-4 m: bodies
+/// that pass nearer than that may be reported, touching bodies always are.
 pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pose) -> Option<f64> {
     let (motion_a, motion_b) = (RigidMotion::new(a0, a1), RigidMotion::new(b0, b1));
     let shift = motion_b.shift - motion_a.shift;
-    if nearest_approach(b0.position - a0.position, shift) > a.bounding_radius() + b.bounding_radius() + CONTACT {
+    if nearest_approach(b0.position - a0.position, shift) > a.bounding_radius() + b.bounding_radius() + CONTACT_DISTANCE
+    {
         return None;
     }
     let b_in_a = motion_a.placement_at(0.0).relative(&motion_b.placement_at(0.0));
@@ -68,7 +69,7 @@ pub fn first_contact(a: &Shape, a0: Pose, a1: Pose, b: &Shape, b0: Pose, b1: Pos
     for part_a in a.parts() {
         for part_b in b.parts() {
             let latest = earliest.unwrap_or(1.0);
-            let reach = (travel + swing(part_a, &motion_a) + swing(part_b, &motion_b)) * latest + CONTACT;
+            let reach = (travel + swing(part_a, &motion_a) + swing(part_b, &motion_b)) * latest + CONTACT_DISTANCE;
             if part_a.distance_at_least(part_b, &b_in_a) <= reach {
                 earliest = first_contact_of_parts(part_a, &motion_a, part_b, &motion_b, latest).or(earliest);
             }
@@ -109,12 +110,12 @@ fn first_contact_of_parts(
     for _ in 0..ADVANCES_MAX {
         let placement_a = motion_a.placement_at(fraction);
         let gap = match a.gap(b, &placement_a.relative(&motion_b.placement_at(fraction))) {
-            Some(gap) if gap.distance > CONTACT => gap,
+            Some(gap) if gap.distance > CONTACT_DISTANCE => gap,
             _ => return Some(fraction),
         };
         let closing = swing - shift.dot(placement_a.turn(gap.direction));
         // Half of the tolerance is left over, so that the last advance ends in contact and not just before it.
-        let advance = gap.distance - 0.5 * CONTACT;
+        let advance = gap.distance - 0.5 * CONTACT_DISTANCE;
         if advance > closing * (latest - fraction) {
             return None;
         }
@@ -131,12 +132,12 @@ pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -
     memory.found
 }
 
-/// Memory of the search for contacts; what it holds besides `found` has no meaning.
+/// Memory of the search for contacts; only `found` has a meaning.
 #[derive(Debug, Clone, Default)]
 pub struct ContactMemory {
     boxes: Vec<Aabb>,
     order: Vec<(f64, f64, usize)>,
-    /// What was found: as [`contacts`] returns it.
+    /// The contacts, as [`contacts`] returns them.
     pub found: Vec<(usize, usize, f64)>,
 }
 
@@ -179,12 +180,12 @@ pub fn find_contacts<'a>(
 fn swept_box(mover: &Mover<'_>) -> Aabb {
     let start = mover.shape.aabb(mover.from);
     if mover.from == mover.to {
-        return start.grown(CONTACT);
+        return start.grown(CONTACT_DISTANCE);
     }
     // Seen from the straight motion of the body origin, a turning point leaves its chord by the height of the arc.
     let turn = wrap_angle(mover.to.orientation - mover.from.orientation);
     let bulge = mover.shape.bounding_radius() * (1.0 - (0.5 * turn).cos());
-    start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT)
+    start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT_DISTANCE)
 }
 
 /// Earliest fraction of the step at which the road does not admit the vehicle, examined every 0.25 m of motion and at

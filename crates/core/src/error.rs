@@ -5,7 +5,7 @@ use std::fmt;
 /// What can go wrong with input. "No plan found" is not an error: it is a status in `Plans`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Error {
-    /// An argument or a datum is impossible: the text names it and says what is expected.
+    /// An argument or a datum is impossible: the text names it and the expected values.
     InvalidInput(String),
     /// A setting has an impossible value.
     Setting {

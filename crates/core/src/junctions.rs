@@ -43,7 +43,7 @@ pub enum Reason {
     MainRoad = 4,
     /// Priority to the right, or to the left.
     Side = 5,
-    /// A lane that goes on before one that ends.
+    /// A continuing lane goes before a lane that ends.
     Continues = 6,
     /// The smaller turn.
     Turn = 7,
@@ -83,11 +83,11 @@ pub struct Area {
     pub sides: [Side; 2],
     /// What two vehicles have beside each other [m]; infinite except for lanelets that run against each other.
     pub width: f64,
-    /// Convex hull of what is common.
+    /// Convex hull of the shared ground.
     pub hull: PlacedShape,
     /// Number of the junction.
     pub junction: usize,
-    /// The position in `sides` of the one that goes first; `None`: the first to arrive.
+    /// The position in `sides` of the side that goes first; `None`: the first to arrive.
     pub first: Option<usize>,
     /// Why.
     pub reason: Reason,

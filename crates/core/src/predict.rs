@@ -1,5 +1,5 @@
-//! Native predictors. Each answers for all participants that are present, from present and past alone; the one that
-//! looks into the recording is called `GroundTruth` and must be built from the scenario.
+//! Native predictors. Each predicts all present participants from present and past alone, except `GroundTruth`, which
+//! looks into the recording and must be built from the scenario.
 
 mod bending;
 mod lane_candidates;
@@ -39,7 +39,7 @@ settings! {
     ///
     /// Along its heading it grows like an unknown constant acceleration, across it linearly.
     pub struct Spread as Spread {
-        /// Standard deviation of the position now.
+        /// Standard deviation of the present position.
         position_sigma: f64 ["m"] = 0.15, positive(f64::MAX);
         /// Standard deviation of the acceleration along the heading; the spread along the heading grows with the square of
         /// time.
@@ -53,9 +53,9 @@ settings! {
 
     /// Along every lane that fits the pose (one mode each), at constant speed, slower in curves; otherwise straight.
     pub struct LaneFollowing as LaneFollowing(spread: Spread) {
-        /// Largest number of lanes to follow.
+        /// Largest number of lanes followed.
         modes_max: usize = 3, between(1.0, MODES_LIMIT as f64);
-        /// Vehicles take curves up to this lateral acceleration without slowing down.
+        /// Lateral acceleration in curves up to which vehicles do not slow down.
         lateral_acceleration: f64 ["m/s²"] = 3.0, positive(f64::MAX);
         /// Deceleration before curves.
         deceleration: f64 ["m/s²"] = 2.0, positive(f64::MAX);
@@ -224,8 +224,8 @@ fn predict_one(
     }
 }
 
-/// Writes what is expected of a participant that an agent was told of, into row `i`: `state` is moved to now, `age` is that of
-/// what was told [s]. Vehicles follow their lanes, with the default settings of `lane_following`.
+/// Writes the prediction of a participant that an agent was told of into row `i`: `state` is moved to now, `age` is
+/// that of what was told [s]. Vehicles follow their lanes, with the default settings of `lane_following`.
 pub(crate) fn told(
     out: &mut Predictions,
     i: usize,
@@ -242,8 +242,8 @@ pub(crate) fn told(
     lane_candidates::follow_lanes(out, i, (kind, state, age), &settings, (dt, road), &mut LaneCandidates::default());
 }
 
-/// Completes a table to a row for every participant present: one that is missing or has no valid mode goes
-/// straight on, or stays if standing.
+/// Completes a table to a row for every present participant: without a row or a valid mode it goes straight on, or
+/// stays if standing.
 pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Predictions> {
     let ids = || scene.present.iter().map(|row| scene.participants.ids[*row]);
     let is_known = |row: usize| {

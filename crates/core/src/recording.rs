@@ -45,7 +45,7 @@ impl OutcomeKind {
 pub struct Outcome {
     /// How.
     pub kind: OutcomeKind,
-    /// Time step of the end; the last one so far while running.
+    /// Time step of the end; the latest one while running.
     pub time_step: i64,
     /// The other participant of a collision.
     pub partner: Option<i64>,
@@ -53,9 +53,9 @@ pub struct Outcome {
     pub off_road: bool,
     /// Size of the relative velocity at the contact [m/s]; NaN without a collision.
     pub impact_speed: f64,
-    /// Largest overhang of its body beyond the lanelets so far [m].
+    /// Largest overhang of its body beyond the lanelets [m].
     pub off_lanelets: f64,
-    /// For so long it was more than the tolerance of the map [s].
+    /// Time for which the overhang exceeded the tolerance of the map [s].
     pub off_lanelets_s: f64,
     /// For people; often empty.
     pub message: String,
@@ -133,7 +133,7 @@ impl Recording {
         Self { ids, first_time_step, columns, spare, columns_max: usize::MAX, plans, sightings, waits }
     }
 
-    /// Becomes a recording without anything in it, of at most so many columns; memory is reused.
+    /// Becomes an empty recording of at most `columns_max` columns; memory is reused.
     pub(crate) fn restart(&mut self, ids: &[i64], first_time_step: i64, columns_max: usize) {
         self.ids.clear();
         self.ids.extend_from_slice(ids);

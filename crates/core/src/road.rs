@@ -63,17 +63,17 @@ pub struct LaneletInput {
 settings! {
     /// Extent of the road, and what must stay on it.
     pub struct RoadSettings as RoadSettings {
-        /// Gaps between lanelets up to this width count as road, and a footprint may overhang the edge by this much.
+        /// Width up to which gaps between lanelets count as road; a footprint may also overhang the edge by this much.
         gap_tolerance: f64 ["m"] = 0.1, between(0.0, 1.0);
-        /// Where the map ends (lanelets without successor or predecessor), the road continues straight for this length.
+        /// Length by which the road continues straight where the map ends (lanelets without successor or predecessor).
         open_end_length: f64 ["m"] = 120.0, between(0.0, LANELET_LENGTH_MAX);
-        /// What must stay on the road. "wheels": the rectangle from the rear to the front axle, as wide as the vehicle;
-        /// the body may reach over the edge, as above a kerb. "body": the whole footprint. Contacts always count with the
-        /// whole body.
+        /// Part of the vehicle that must stay on the road. "wheels": the rectangle from the rear to the front axle, as
+        /// wide as the vehicle; the body may reach over the edge, as above a kerb. "body": the whole footprint.
+        /// Contacts always count with the whole body.
         judge: RoadJudge = RoadJudge::Wheels;
-        /// Wheels may cross the edge by this much beside bends (curvature of at least 0.08 1/m).
+        /// Distance by which wheels may cross the edge in bends (curvature of at least 0.08 1/m).
         turn_tolerance: f64 ["m"] = 0.3, between(0.0, 2.0);
-        /// The body may reach beyond the lanelets by this much if wheels are judged.
+        /// Distance by which the body may reach beyond the lanelets with judge "wheels".
         overhang_max: f64 ["m"] = 0.8, between(0.0, 10.0);
     }
 }
@@ -203,8 +203,8 @@ impl RoadNetwork {
         self.area.surface.find_lanelets(&around, found, |triangle| triangle.is_within(point, radius));
     }
 
-    /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best first:
-    /// those that contain the position, then by heading error, then by offset, then by id.
+    /// Lanelets within `tolerance` [m] of the position whose direction differs by at most `angle_max` [rad]. Best
+    /// first: lanelets that contain the position, then by heading error, then by offset, then by id.
     pub fn matching(&self, pose: Pose, tolerance: f64, angle_max: f64) -> Vec<LaneMatch> {
         let mut matching = Matching::default();
         self.find_matching(pose, tolerance, angle_max, &mut matching);

@@ -106,7 +106,7 @@ pub struct Route {
 }
 
 impl Route {
-    /// A lanelet is a lane for the user, or one that the route cannot do without.
+    /// Whether a lanelet is a lane for the user, or the route cannot do without it.
     pub fn may_use(&self, road: &RoadNetwork, lanelet: usize) -> bool {
         road.lanelets()[lanelet].users.admits(self.user) || self.lanelets.contains(&lanelet)
     }

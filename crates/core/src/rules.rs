@@ -49,46 +49,46 @@ pub const STOP_REACH: f64 = 2.0;
 settings! {
     /// Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
     pub struct RulesSettings as RulesSettings {
-        /// False: it obeys none of them.
+        /// Whether an agent obeys any rule of the road.
         enabled: bool = true;
-        /// It keeps to speed limits.
+        /// Keep to speed limits.
         speed: bool = true;
-        /// It stops for traffic lights.
+        /// Stop for traffic lights.
         lights: bool = true;
-        /// It stops at stop signs.
+        /// Stop at stop signs.
         stop_signs: bool = true;
-        /// It turns right on red after it has stood before the line, where the country or a sign allows it.
+        /// Turn right on red after standing before the line, where the country or a sign allows it.
         right_on_red: bool = true;
-        /// It gives way to people on crosswalks.
+        /// Give way to people on crosswalks.
         crossings: bool = true;
-        /// It gives way at junctions: it enters one only if no other vehicle uses its way across, as long as others keep to
-        /// the same order.
+        /// Give way at junctions: enter only when no other vehicle will use the way across, provided that others keep
+        /// to the same order.
         precedence: bool = true;
-        /// It does not enter a junction without room behind it.
+        /// Do not enter a junction without room to leave it.
         keep_clear: bool = true;
-        /// It is careful at junctions where buildings or parked vehicles hide a road that goes first, if `view.occlusion`.
+        /// Be careful at junctions where buildings or parked vehicles hide a road with priority, if `view.occlusion`.
         unseen: bool = true;
-        /// It uses the lane of the other direction to pass what stands, where the line between the lanes may be crossed and
-        /// no oncoming vehicle comes in the meantime; with planner `frenet`.
+        /// Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be crossed
+        /// and nobody is oncoming; planner `frenet` only.
         passing: bool = true;
-        /// It relies on vehicles that do not obey to give way at junctions where they should, even if they would have to
-        /// brake hard by now.
+        /// Rely on vehicles that do not obey to give way at junctions where they should, even if they would have to
+        /// brake hard.
         trust_others: bool = false;
-        /// It shows by its blinkers which way it takes at a fork, with any planner. Predictions then take this way, with
+        /// Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this way, with
         /// less spread along bends.
         blinkers: bool = true;
-        /// It takes speed limits for this many times what they are.
+        /// Factor applied to posted speed limits.
         speed_factor: f64 = 1.0, positive(3.0);
-        /// It stands this long at a stop sign, and before it turns right on red.
+        /// Standing time at a stop sign, and before turning right on red.
         stop_duration: f64 ["s"] = 1.0, between(0.0, 60.0);
-        /// It has left an area of a junction so long before another one comes.
+        /// Least time between leaving a conflict zone and the next vehicle's arrival.
         lead: f64 ["s"] = 1.0, between(0.0, 60.0);
-        /// It enters an area of a junction so long after another one has left.
+        /// Least time between the previous vehicle's leaving a conflict zone and entering it.
         lag: f64 ["s"] = 0.3, between(0.0, 60.0);
-        /// After standing for so long it is content with half of `lead`.
+        /// Standing time after which half of `lead` suffices.
         impatience: f64 ["s"] = 10.0, positive(f64::INFINITY);
-        /// Agents that stand for so long and wait for each other in a circle let one of them enter a junction without room
-        /// behind it.
+        /// Standing time after which one of several agents that wait for each other in a circle may enter a junction
+        /// without room to leave it.
         circle_after: f64 ["s"] = 5.0, positive(f64::INFINITY);
     }
 }

@@ -67,12 +67,12 @@ impl Storeys {
 settings! {
     /// View of an agent.
     pub struct ViewLimits as ViewSettings {
-        /// Participants further away are not seen: centre to centre, to the nearest point of a circle around static
-        /// obstacles.
+        /// Distance beyond which participants are not seen, centre to centre; for static obstacles, to the nearest
+        /// point of a circle around them.
         sensor_radius: f64 ["m"] = 80.0, positive(f64::INFINITY);
-        /// Participants without any part in the line of sight are not seen either: seen from the centre of the agent's
-        /// footprint, nearer footprints cover theirs completely. All participants hide those behind them, except
-        /// pedestrians, bicycles and motorcycles. Agents are careful at junctions where something is hidden (`rules.unseen`).
+        /// Agents do not see participants whose footprints are completely covered by nearer ones, seen from the centre
+        /// of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers. Agents are
+        /// careful at junctions where something is hidden (`rules.unseen`).
         occlusion: bool = false;
     }
 }

@@ -34,7 +34,7 @@ pub const ANY: Range = between(f64::NEG_INFINITY, f64::INFINITY);
 pub const NOT_NEGATIVE: Range = between(0.0, f64::MAX);
 
 impl Range {
-    /// What is expected of a value; empty if everything is allowed.
+    /// Description of the allowed values; empty if all are allowed.
     pub fn text(self) -> String {
         let Self { min, max, above } = self;
         let shown = number(max);
@@ -280,8 +280,7 @@ macro_rules! settings {
         impl $name {
             /// Checks every setting.
             ///
-            /// # Errors
-            /// `Setting` with its dotted name and what is expected.
+            /// # Errors `Setting` with its dotted name and the allowed values.
             pub fn validate(&self) -> $crate::error::Result<()> {
                 $crate::settings::check(&mut Self::clone(self))
             }

@@ -1,4 +1,4 @@
-//! The first state of an agent: what is stated about it, as far as path, speed and past do not contradict that.
+//! The first state of an agent: the stated values, unless path, speed and past contradict them.
 //!
 //! First yaw rates and accelerations of recordings are differences of noisy positions in many data sets. A planner that
 //! takes them at their word swerves or brakes at once.
@@ -15,7 +15,7 @@ const ACCELERATION_MAX: f64 = 3.0;
 /// Of what tyres allow, a first yaw rate may use this share.
 const TYRE_SHARE: f64 = 0.5;
 /// The past that counts [s], and how many states of it are needed.
-const PAST: f64 = 1.0;
+const PAST_SPAN: f64 = 1.0;
 const PAST_STATES: usize = 4;
 /// A yaw rate may differ from those of the path by this much [rad/s], and by this lateral acceleration [m/s²].
 const YAW_RATE_TOLERANCE: f64 = 0.3;
@@ -26,7 +26,7 @@ const PATH_TIME: f64 = 1.0;
 const PATH_DISTANCE: f64 = 5.0;
 const BEHIND: f64 = 0.3;
 /// Curvature is averaged over this distance to both sides [m], where a vehicle starts over that of half a second.
-const SMOOTHING: f64 = 2.5;
+const SMOOTHING_DISTANCE: f64 = 2.5;
 /// A vehicle that heads away from its path turns back to it within this time [s].
 const RETURN_TIME: f64 = 1.0;
 
@@ -84,7 +84,7 @@ pub fn past_states(recorded: &States, row: usize, time_step: i64, dt: f64) -> Ve
 
 /// Number of states of the past that count.
 fn past_steps(dt: f64) -> usize {
-    (PAST / dt).round() as usize
+    (PAST_SPAN / dt).round() as usize
 }
 
 /// Largest yaw rate for steering and, with a reserve, tyres at a speed [rad/s].
@@ -105,11 +105,11 @@ fn path_yaw_rates(state: &State, path: &ReferencePath, s: Option<f64>, vehicle: 
     let reach = (state.velocity.abs() * PATH_TIME).max(PATH_DISTANCE);
     let steps = reach.ceil();
     let near = (0..=steps as usize)
-        .map(|step| yaw_rate(s + reach * ((1.0 + BEHIND) * step as f64 / steps - BEHIND), SMOOTHING));
+        .map(|step| yaw_rate(s + reach * ((1.0 + BEHIND) * step as f64 / steps - BEHIND), SMOOTHING_DISTANCE));
     let (low, high) =
         near.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), rate| (low.min(rate), high.max(rate)));
     let back = -wrap_angle(state.orientation - path.at(s).theta) / RETURN_TIME;
-    let expected = yaw_rate(s, SMOOTHING.max(0.5 * PATH_TIME * state.velocity.abs()));
+    let expected = yaw_rate(s, SMOOTHING_DISTANCE.max(0.5 * PATH_TIME * state.velocity.abs()));
     (expected, low + back.min(0.0), high + back.max(0.0))
 }
 
@@ -141,7 +141,7 @@ mod tests {
 
     const DT: f64 = 0.1;
     /// The curvature of a straight path is not exactly 0.
-    const NEAR: f64 = 2e-3;
+    const YAW_RATE_TOLERANCE: f64 = 2e-3;
 
     /// A path along x, then a left turn with a radius of 15 m from x = 150 m on.
     fn path() -> ReferencePath {
@@ -188,7 +188,7 @@ mod tests {
             (10.8, f64::NAN, 0.0),
         ] {
             let found = yaw_rate(&at(20.0, velocity, stated), &[]);
-            assert!((found - expected).abs() < NEAR, "{stated} rad/s at {velocity} m/s became {found}");
+            assert!((found - expected).abs() < YAW_RATE_TOLERANCE, "{stated} rad/s at {velocity} m/s became {found}");
         }
     }
 
@@ -214,7 +214,7 @@ mod tests {
     fn a_vehicle_that_heads_away_may_turn_back_to_its_path_quickly() {
         let askew = |yaw_rate| State { orientation: 0.3, ..at(20.0, 8.0, yaw_rate) };
         assert_eq!(yaw_rate(&askew(-0.42), &[]), -0.42, "back");
-        assert!(yaw_rate(&askew(0.55), &[]).abs() < NEAR, "further away");
+        assert!(yaw_rate(&askew(0.55), &[]).abs() < YAW_RATE_TOLERANCE, "further away");
     }
 
     #[test]
@@ -224,7 +224,7 @@ mod tests {
         let noisy = at(20.0, 8.0, 0.42);
         assert!((yaw_rate(&noisy, &past(&noisy, 0.05, 0.0)) - 0.05).abs() < 1e-9, "went on almost straight");
         let short = &past(&noisy, 0.05, 0.0)[8..];
-        assert!(yaw_rate(&noisy, short).abs() < NEAR, "two states say nothing");
+        assert!(yaw_rate(&noisy, short).abs() < YAW_RATE_TOLERANCE, "two states say nothing");
         let turned = State { orientation: std::f64::consts::PI, ..at(20.0, 0.3, f64::NAN) };
         assert!(yaw_rate(&turned, &past(&turned, 0.05, 0.0)).abs() < 0.06, "no jump at pi");
     }

@@ -8,7 +8,7 @@ use crate::geometry::{Point, Pose};
 
 /// Part of the largest lateral acceleration that planners use in curves. Trucks take them at 3 m/s² at most, a reserve of a
 /// quarter before they tip.
-const CORNERING: f64 = 0.75;
+const CORNERING_SHARE: f64 = 0.75;
 
 /// Kind of a participant, in CommonRoad's words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -266,9 +266,9 @@ impl Vehicle {
         self.lateral_acceleration_max.min(rest)
     }
 
-    /// Lateral acceleration at which curves are taken [m/s²]: the comfortable one, but at most [`CORNERING`] of the largest.
+    /// Lateral acceleration at which curves are taken [m/s²]: the comfortable one, but at most [`CORNERING_SHARE`] of the largest.
     pub fn cornering(&self, comfortable: f64) -> f64 {
-        comfortable.min(CORNERING * self.lateral_acceleration_max)
+        comfortable.min(CORNERING_SHARE * self.lateral_acceleration_max)
     }
 
     /// Tangent of the largest change of the steering angle in a time [s]; angles beyond 1.5 rad are as good as any.

@@ -16,6 +16,7 @@ mod scenario;
 mod scene;
 mod scoring;
 mod settings;
+mod step;
 mod vehicle;
 mod view;
 mod world;
@@ -90,6 +91,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<world::PyAgent>()?;
     module.add_class::<predictor::PyPredictor>()?;
     module.add_class::<predictions::PyPredictions>()?;
-    module.add_class::<world::PyPlans>()?;
+    module.add_class::<step::PyStep>()?;
     module.add_class::<world::PyWorld>()
 }

@@ -51,7 +51,7 @@ impl PyPlanner {
             "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),
             "idm" => Planner::Idm(read(record)?),
             "idm_mobil" => Planner::IdmMobil(Box::new(read::<IdmMobilSettings>(record)?)),
-            _ => return Err(InputError::new_err((name.to_owned(), "is no native planner"))),
+            _ => return Err(InputError::new_err((name.to_owned(), "is not a native planner"))),
         }))
     }
 

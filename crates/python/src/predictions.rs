@@ -5,6 +5,7 @@ use std::sync::Arc;
 use interdrive_core::predict::completed;
 use interdrive_core::trajectory::{Predictions, State};
 use interdrive_core::v2x::{Expectations, Known};
+use interdrive_core::world::Expected;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -46,22 +47,17 @@ impl PyPredictions {
         Self { table: Arc::new(table), rows: None, told: None }
     }
 
+    /// What agents expect in a step.
+    pub fn expected(expected: &Expected) -> Self {
+        Self { table: Arc::clone(&expected.predictions), rows: None, told: expected.told.clone() }
+    }
+
     /// The table for the core.
-    pub fn table(&self) -> std::borrow::Cow<'_, Predictions> {
+    pub fn table(&self) -> Arc<Predictions> {
         match &self.rows {
-            None => std::borrow::Cow::Borrowed(&*self.table),
-            Some(rows) => std::borrow::Cow::Owned(self.table.rows(rows)),
+            None => Arc::clone(&self.table),
+            Some(rows) => Arc::new(self.table.rows(rows)),
         }
-    }
-
-    /// The same predictions, with what the agents were told.
-    pub fn with(&self, told: Expectations) -> Self {
-        Self { table: Arc::clone(&self.table), rows: self.rows.clone(), told: Some(Arc::new(told)) }
-    }
-
-    /// The same predictions.
-    pub fn again(&self) -> Self {
-        Self { table: Arc::clone(&self.table), rows: self.rows.clone(), told: self.told.clone() }
     }
 
     fn shown_ids(&self) -> Vec<i64> {
@@ -164,8 +160,8 @@ impl PyPredictions {
         self.only(ids.into_iter())
     }
 
-    /// With a row for every participant present in the scene: one that is missing or has no valid mode goes straight on. This
-    /// is what planners work with.
+    /// With a row for every participant present in the scene: without a row or a valid mode it goes straight on.
+    /// Planners work with these.
     fn completed(&self, scene: &PyScene) -> Self {
         Self::whole(completed(&self.table(), &scene.scene).into_owned())
     }
@@ -195,7 +191,7 @@ impl PyPredictions {
     }
 
     /// Ages of the received plans that are used instead of predictions [s], over all agents with V2X, and the number of
-    /// pairs of such an agent and another one that it knows of.
+    /// pairs of such an agent and a participant that it knows.
     fn plan_ages<'py>(&self, py: Python<'py>) -> (Row<'py, f64>, usize) {
         let told = self.told.as_deref();
         let ages = told.map_or_else(Vec::new, |told| told.ages().collect());

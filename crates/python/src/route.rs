@@ -118,7 +118,7 @@ impl PyRoute {
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
     }
 
-    /// Acceleration [m/s²] and yaw rate [rad/s] with which a vehicle starts on the route.
+    /// Acceleration [m/s²] and yaw rate [rad/s] of a vehicle that starts on the route.
     ///
     /// Args:
     ///     vehicle: Its limits.

@@ -208,7 +208,7 @@ impl PyRoadNetwork {
         self.0.lane_stretch(index, s, before, after).into_iter().map(|polygon| arrays::points(py, polygon)).collect()
     }
 
-    /// One pose (x, y, orientation) is on a way above that of another one.
+    /// Whether one pose (x, y, orientation) is on a road above or below that of another.
     fn are_apart(&self, one: (f64, f64, f64), other: (f64, f64, f64)) -> bool {
         let pose = |(x, y, orientation)| Pose::new(x, y, orientation);
         self.0.are_apart(pose(one), pose(other))

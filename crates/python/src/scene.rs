@@ -139,7 +139,7 @@ macro_rules! participants_seen {
 }
 pub(crate) use participants_seen;
 
-/// What is there at one time step: all participants with their past, and the road. Predictors get it.
+/// The world at one time step, as predictors get it: all participants with their past, and the road.
 ///
 /// Rows are sorted by id, the last column of a history is now. Arrays are read-only; positions are centres of footprints
 /// in the world frame.

@@ -189,7 +189,7 @@ pub fn leaves_road(
     Ok(core_leaves_road(&road.0, &shape.0, &vehicle.0, &poses))
 }
 
-/// Adds what is here to the module.
+/// Adds the contents of this file to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyTraffic>()?;
     module.add_function(wrap_pyfunction!(crossing_lanelets, module)?)?;

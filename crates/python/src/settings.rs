@@ -98,7 +98,7 @@ pub fn read<T: Record + Default>(given: &Bound<'_, PyAny>) -> PyResult<T> {
 #[pyfunction]
 pub fn check_settings(name: &str, given: &Bound<'_, PyAny>) -> PyResult<()> {
     let found = records().into_iter().find(|record| record.about().0 == name);
-    let mut settings = found.ok_or_else(|| InputError::new_err((name.to_owned(), "is no record of settings")))?;
+    let mut settings = found.ok_or_else(|| InputError::new_err((name.to_owned(), "is not a settings record")))?;
     fill(settings.as_mut(), given)?;
     check(settings.as_mut()).map_err(exception)
 }
@@ -138,8 +138,8 @@ pub fn settings_tables(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     records().iter_mut().map(|record| table(py, record.as_mut())).collect()
 }
 
-/// Number of time steps after which a run with these `step` settings ends, for so many recorded time steps and agents
-/// that start and whose goals end at these time steps.
+/// Number of time steps after which a run with these `step` settings ends, given the recorded time steps and, for each
+/// agent, the time steps of its start and of the end of its goal.
 #[pyfunction]
 pub fn steps_at_most(step: &Bound<'_, PyAny>, n_recorded: usize, agents: Vec<(i64, i64)>) -> PyResult<usize> {
     let step = read::<StepSettings>(step)?;

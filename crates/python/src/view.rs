@@ -1,4 +1,4 @@
-//! What one agent knows, as arrays.
+//! The knowledge of one agent, as arrays.
 
 use std::sync::Arc;
 
@@ -31,7 +31,8 @@ pub struct KnownBody {
     pub body: Result<usize, Told>,
 }
 
-/// What one agent knows. `ids`, `x`, ... are the participants that it sees or was told of; its own state is `state`.
+/// The knowledge of one agent. `ids`, `x`, ... describe the participants that it sees or was told of; `ego` is the agent
+/// itself.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
 pub struct PyView {
     pub scene: Arc<Scene>,
@@ -119,8 +120,8 @@ getters! { PyView {
         None => vec![0; this.visible.len()],
         Some(known) => known.iter().map(|known| known.via).collect(),
     });
-    /// Age of what the agent was told about each participant [s], shape (participants,): of the plan for those that it
-    /// sees; 0 where it was told nothing.
+    /// Age of what the agent was told about each participant [s], shape (participants,): of the received plan for
+    /// visible participants; 0 where it was told nothing.
     age: Row<'py, f64> = |this, py| arrays::row(py, match &this.known {
         None => vec![0.0; this.visible.len()],
         Some(known) => known.iter().map(|known| known.age).collect(),
@@ -218,13 +219,9 @@ impl PyView {
 
     /// The first contact along a drive that begins now with another participant in its most probable mode.
     ///
-    /// Args:
-    ///     x: Centres of the footprint [m], world frame, shape (points,); point i is `i * dt` from now.
-    ///     y: The same [m].
-    ///     orientation: Headings [rad], shape (points,).
-    ///     predictions: The others, as `plan` gets them.
-    ///     margin_length: By how much the others are longer, in all [m].
-    ///     margin_width: By how much they are wider, in all [m].
+    /// Args: x: Centres of the footprint [m], world frame, shape (points,); point i is `i * dt` from now. y: The same
+    ///     [m]. orientation: Headings [rad], shape (points,). predictions: The others, as `plan` gets them.
+    ///     margin_length: Total length added to the others [m]. margin_width: Total width added to the others [m].
     ///
     /// Returns:
     ///     (id, interval): interval i is between the points i and i + 1; None without a contact.
@@ -359,7 +356,7 @@ getters! { PyEgo {
     };
     /// Size and limits of the vehicle.
     vehicle: PyVehicle = |this| PyVehicle(this.view.get().agent.vehicle);
-    /// What it should reach.
+    /// The goal of the agent.
     goal: PyGoal = |this| PyGoal(this.view.get().agent.goal.clone());
     /// Lanelets to the goal and the reference path along them.
     route: PyRoute = |this| {

@@ -2,21 +2,21 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::scene::Scene;
-use interdrive_core::trajectory::{Obstruction, PlanStatus, Plans, State, States};
+use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, World, WorldSettings};
-use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
+use interdrive_core::world::{Agent, Step, World, WorldSettings};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use crate::arrays::{self, Row};
+use crate::arrays;
 use crate::errors::{InputError, detached, exception};
 use crate::getters::getters;
 use crate::planner::PyPlanner;
@@ -26,6 +26,7 @@ use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
 use crate::scene::{PyScene, Told, turn_of};
 use crate::settings::read;
+use crate::step::{PyForecast, PyStep, now};
 use crate::vehicle::PyVehicle;
 use crate::view::{KnownBody, ProgressParts, PyView, progress};
 
@@ -75,53 +76,7 @@ impl PyAgent {
     }
 }
 
-#[pyclass(name = "Plans", module = "interdrive._core")]
-pub struct PyPlans(pub Plans);
-
-#[pymethods]
-impl PyPlans {
-    /// Checks the plan that a planner made from its view and writes it: arrays of shape (points,), point 0 is now.
-    ///
-    /// `slides`: the positions need not follow from the speeds; for bodies that no vehicle drives, such as those of tests
-    /// of contact.
-    #[pyo3(signature = (view, x, y, orientation, velocity, acceleration=None, yaw_rate=None, *, slides=false))]
-    fn set(
-        &mut self,
-        view: &PyView,
-        x: PyReadonlyArrayDyn<'_, f64>,
-        y: PyReadonlyArrayDyn<'_, f64>,
-        orientation: PyReadonlyArrayDyn<'_, f64>,
-        velocity: PyReadonlyArrayDyn<'_, f64>,
-        acceleration: Option<PyReadonlyArrayDyn<'_, f64>>,
-        yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
-        slides: bool,
-    ) -> PyResult<()> {
-        let rates = [acceleration.as_ref(), yaw_rate.as_ref()];
-        let points = view.checked([&x, &y, &orientation, &velocity], rates, slides)?;
-        self.0.set_row(view.agent.id, &points).map_err(exception)
-    }
-
-    /// Notes that an agent's planner failed.
-    fn fail(&mut self, id: i64, message: String) -> PyResult<()> {
-        self.0.fail_row(id, message).map_err(exception)
-    }
-}
-
-getters! { PyPlans {
-    time_step: i64 = |this| this.0.time_step;
-    ids: Row<'py, i64> = |this, py| arrays::row(py, this.0.ids.clone());
-    /// Codes of `interdrive.run.PLAN_STATUS`.
-    status: Row<'py, i64> = |this, py| arrays::row(py, this.0.status.iter().map(|status| *status as i64).collect());
-    /// Costs of the plans; not a number where the planner has none, or the plan is the rest of an earlier one.
-    cost: Row<'py, f64> = |this, py| arrays::row(py, this.0.cost.clone());
-    /// Ids of the agents that still need a plan from outside the core.
-    missing: Vec<i64> = |this| {
-        let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
-        this.0.ids.iter().zip(&this.0.status).filter_map(none).collect()
-    };
-} }
-
-/// The world, and the time spent in its phases so far [ns].
+/// The world, and the time spent in its phases [ns].
 #[pyclass(name = "World", module = "interdrive._core")]
 pub struct PyWorld(World, AtomicU64);
 
@@ -133,11 +88,6 @@ impl PyWorld {
         self.1.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
         done
     }
-}
-
-#[allow(clippy::disallowed_methods, reason = "times are reported to Python; the core does not see them")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 fn nanoseconds(time: Duration) -> u64 {
@@ -253,28 +203,26 @@ impl PyWorld {
         self.timed(py, |world| world.predict(&predictor.0, &scene.scene, n_steps)).map(PyPredictions::whole)
     }
 
-    fn plan(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPlans> {
-        if let Some(told) = &predictions.told {
-            return self.timed(py, |world| world.plan_as_expected(&scene.scene, told)).map(PyPlans);
-        }
-        let table = predictions.table();
-        self.timed(py, |world| world.plan(&scene.scene, &table)).map(PyPlans)
+    /// Begins a step: what is there now.
+    fn observe(&self, py: Python<'_>) -> PyResult<PyStep> {
+        let begin = now();
+        let step = self.timed(py, |world| Ok(Step::begin(world)))?;
+        let road = Arc::clone(&self.0.scenario().road);
+        Ok(PyStep { step, road, marks: vec![begin, now()], collision: None })
     }
 
-    /// The predictions in which agents take the ways that they show, and those that were told to wait before a junction
-    /// do so, with what the agents with V2X were told; the same predictions if there is none of both.
-    fn expect(&self, py: Python<'_>, scene: &PyScene, predictions: &PyPredictions) -> PyResult<PyPredictions> {
-        let ruled = detached(py, || Ok(self.0.with_rules(&predictions.table())))?;
-        let predictions = &ruled.map_or_else(|| predictions.again(), PyPredictions::whole);
-        if self.0.equipped().is_empty() {
-            return Ok(predictions.again());
-        }
-        let table = predictions.table();
-        let told = self.timed(py, |world| world.expect(&scene.scene, &table))?;
-        Ok(told.map_or_else(|| predictions.again(), |told| predictions.with(told)))
+    /// What agents expect in a step, and the plans of those whose planners are in the core; `n_steps` ahead, if the core
+    /// predicts.
+    #[pyo3(signature = (step, forecast, n_steps=0))]
+    fn plan(&self, py: Python<'_>, step: &mut PyStep, forecast: PyForecast<'_>, n_steps: usize) -> PyResult<()> {
+        forecast.with(n_steps, |forecast| self.timed(py, |world| step.step.expect(world, forecast)))?;
+        step.mark();
+        self.timed(py, |world| step.step.plan(world))?;
+        step.mark();
+        Ok(())
     }
 
-    /// Stretches in which agents held for others so far, as a dict of arrays; going_id -1: the way behind was blocked.
+    /// Stretches in which agents held for others, as a dict of arrays; going_id -1: the way behind was blocked.
     fn agreements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = self.0.agreements();
         let dict = PyDict::new(py);
@@ -291,7 +239,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Messages so far as a dict of arrays: one row per message, and one per message and receiver in range, with
+    /// All messages as a dict of arrays: one row per message, and one per message and receiver in range, with
     /// receiver_id -1 in the former, and arrived -1 where the message is lost; and totals. None if no agent has V2X.
     fn messages<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(log) = self.0.messages() else { return Ok(None) };
@@ -317,31 +265,26 @@ impl PyWorld {
         Ok(Some(dict))
     }
 
-    /// Moves all participants; returns the seconds that the search for contacts and road departures took.
-    fn step(&mut self, py: Python<'_>, plans: &PyPlans) -> PyResult<f64> {
-        let (world, begin) = (&mut self.0, now());
-        let mut marks = [begin; 2];
-        let mut n_marks = 0;
-        detached(py, || {
-            world.step_marked(&plans.0, || {
-                marks[n_marks.min(1)] = now();
-                n_marks += 1;
-            })
-        })?;
-        self.1.fetch_add(nanoseconds(begin.elapsed()), Ordering::Relaxed);
-        Ok(marks[1].duration_since(marks[0]).as_secs_f64())
+    /// Ends a step: moves all participants.
+    fn advance(&mut self, py: Python<'_>, step: &mut PyStep) -> PyResult<()> {
+        step.mark();
+        let (world, plans) = (&mut self.0, &step.step.plans);
+        let mut contacts = [None; 2];
+        detached(py, || world.step_marked(plans, || contacts = [contacts[1], Some(now())]))?;
+        step.mark();
+        if let [Some(begin), Some(end)] = contacts {
+            step.collision = Some(end - begin);
+        }
+        if let [.., begin, end] = step.marks[..] {
+            self.1.fetch_add(nanoseconds(end - begin), Ordering::Relaxed);
+        }
+        Ok(())
     }
 
     /// All samples of an agent's planner as a dict of arrays; None if it has none.
-    fn candidates<'py>(
-        &self,
-        py: Python<'py>,
-        id: i64,
-        scene: &PyScene,
-        predictions: &PyPredictions,
-    ) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let (world, table) = (&self.0, predictions.table());
-        let found = detached(py, || world.candidates(id, &scene.scene, &table))?;
+    fn candidates<'py>(&self, py: Python<'py>, id: i64, step: &PyStep) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let (world, step) = (&self.0, &step.step);
+        let found = detached(py, || world.candidates(id, step))?;
         found.map(|candidates| crate::planner::candidates_dict(py, &candidates)).transpose()
     }
 
@@ -350,12 +293,12 @@ impl PyWorld {
         outcomes_dict(py, &self.0)
     }
 
-    /// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+    /// Participants and their states as a dict of arrays, shape (participants, time_steps).
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         states_dict(py, &self.0)
     }
 
-    /// Visibility intervals per observer and participant so far as a dict of arrays; empty unless the world records views.
+    /// Visibility intervals per observer and participant as a dict of arrays; empty unless the world records views.
     fn sightings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sightings: Vec<_> = self.0.recording().sightings().collect();
         let dict = PyDict::new(py);
@@ -366,7 +309,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// Waits before junctions so far as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
+    /// Waits before junctions as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let waits: Vec<_> = self.0.recording().waits().collect();
         let dict = PyDict::new(py);
@@ -379,7 +322,7 @@ impl PyWorld {
         Ok(dict)
     }
 
-    /// All plans so far as a dict of arrays, one row per time step and agent.
+    /// All plans as a dict of arrays, one row per time step and agent.
     fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         plans_dict(py, &self.0)
     }
@@ -410,7 +353,7 @@ pub fn outcomes_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py,
     Ok(dict)
 }
 
-/// Participants and their states so far as a dict of arrays, shape (participants, time_steps).
+/// Participants and their states as a dict of arrays, shape (participants, time_steps).
 pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
     let states = world.recording().states();
     let participants = world.participants();
@@ -438,7 +381,7 @@ pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, P
     Ok(dict)
 }
 
-/// All plans so far as a dict of arrays, one row per time step and agent.
+/// All plans as a dict of arrays, one row per time step and agent.
 pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
     let plans = world.recording().plans();
     let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
@@ -498,6 +441,6 @@ getters! { PyWorld {
     last_time_step: Option<i64> = |this| this.0.last_time_step();
     /// Pairs that touched when one of them entered and have not separated since.
     entered_in_contact: Vec<(i64, i64)> = |this| this.0.entered_in_contact();
-    /// Seconds that `scene`, `predict`, `plan` and `step` have worked so far without the interpreter.
+    /// Seconds that the core has worked in steps without the interpreter.
     native_seconds: f64 = |this| 1e-9 * this.1.load(Ordering::Relaxed) as f64;
 } }

@@ -1,4 +1,4 @@
-//! Many worlds in which agents learn, and the caller's arrays, the only ones that are written from here.
+//! Many worlds in which agents learn, and the caller's arrays, which only this module writes.
 
 use std::sync::Arc;
 
@@ -28,8 +28,8 @@ pub struct PyStage(pub Arc<Stage>);
 
 #[pymethods]
 impl PyStage {
-    /// A scenario with the vehicles that can learn, each with the planner that drives it if it does not; `learning` drives
-    /// those that learn, as their actions say.
+    /// A scenario with the vehicles that can learn, each with the planner that drives it if it does not; `learning`
+    /// drives the learners by their actions.
     #[new]
     #[pyo3(signature = (scenario, agents, planners, learning=None))]
     fn new(
@@ -325,7 +325,7 @@ impl PyWorlds {
         self.worlds.set_stages(stages).map_err(exception)
     }
 
-    /// What is known about the learners that have ended in the last call.
+    /// Information about the learners that ended in the last call.
     fn ended(&self) -> Vec<EndedParts> {
         self.worlds.ended().map(parts).collect()
     }
@@ -335,12 +335,12 @@ impl PyWorlds {
         outcomes_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 
-    /// Participants of a world and their states so far as a dict of arrays.
+    /// Participants of a world and their states as a dict of arrays.
     fn states<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
         states_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 
-    /// All plans of a world so far as a dict of arrays.
+    /// All plans of a world as a dict of arrays.
     fn plans<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
         plans_dict(py, self.worlds.world(world).map_err(exception)?)
     }

@@ -207,7 +207,7 @@ def finished_rows(
 
 
 def _scores(scores: Score, ids: list[int]) -> dict[str, list[Any]]:
-    """The columns of scores for all agents; None for those that were not scored."""
+    """The columns of scores for all agents; None for agents without a score."""
     place = {number: row for row, number in enumerate(scores.ids.tolist())}
     return {
         name: [None if number not in place else values[place[number]] for number in ids]

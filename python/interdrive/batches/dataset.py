@@ -122,7 +122,7 @@ def read_run(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     check_key(path.stem, path)
     table = read(path, columns)
     if "key" in table.column_names and pc.any(pc.not_equal(table["key"].cast(pa.string()), path.stem)).as_py():
-        raise ResultsError(f"{path}: key: it is that of another run; the file is damaged")
+        raise ResultsError(f"{path}: key: it belongs to another run; the file is damaged")
     return table
 
 
@@ -193,7 +193,7 @@ def _opened(path: Path) -> pq.ParquetFile:
     names = schema.names
     if names != expected.names:
         other = next(iter(set(names) ^ set(expected.names)), "their order")
-        raise ResultsError(f"{path}: its columns are not those of this version ({other} differs)")
+        raise ResultsError(f"{path}: its columns differ from those of this version ({other} differs)")
     for name in names:
         if _plain(schema.field(name).type) != _plain(expected.field(name).type):
             raise ResultsError(f"{path}: {name}: values of type {_plain(schema.field(name).type)}")

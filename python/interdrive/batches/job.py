@@ -67,7 +67,8 @@ class Job:
     Attributes:
         spec: The run.
         keep: One of `KEEP`.
-        content: Of the scenario file and those that belong to it, by name; none: they lie where they were found.
+        content: Content of the scenario file and of files that belong to it, by name; empty: they lie where they were
+            found.
     """
 
     spec: RunSpec
@@ -219,7 +220,7 @@ def _ids(spec: RunSpec, scenario: Scenario) -> tuple[int, ...]:
 
 
 def _able(spec: RunSpec, scenario: Scenario, wanted: str | int) -> list[Agent]:
-    """Agents of the scenario: all, or at most so many."""
+    """Agents of the scenario: all, or at most a number of them."""
     road = core_road(scenario, spec.settings.road)
 
     def chosen(agents: str | int) -> list[Agent]:
@@ -256,7 +257,7 @@ def _archive(run: Run, scores: Score) -> bytes:
 
 
 def content_of(spec: RunSpec) -> dict[str, bytes]:
-    """Content of the scenario file and of those that belong to it, by name, unchanged.
+    """Content of the scenario file and of files that belong to it, by name, unchanged.
 
     Raises:
         InterdriveError: One is gone, or has changed since the batch was planned.

@@ -197,7 +197,7 @@ class Pool:
             if spent > self._timeout_s:
                 yield worker, "timeout", self._too_long()
             elif resident_memory(worker.process.pid) > self._memory:
-                yield worker, "memory", f"its process grew beyond {self._memory / 2**20:.0f} MiB (--memory)"
+                yield worker, "memory", f"its process exceeded {self._memory / 2**20:.0f} MiB (--memory)"
 
     def _received(self, worker: _Worker) -> object:
         """What a process says: `_NOTHING` if it is gone, `_LATE` if it does not come to its end in time."""
@@ -235,8 +235,7 @@ class Pool:
         code = worker.process.exitcode
         if not worker.is_ready:
             self._count_stillborn(
-                f"end before they begin (exit code {code}); "
-                "does the script guard its calls by `if __name__ == '__main__':`?"
+                f"ended at once (exit code {code}); does the script guard its calls by `if __name__ == '__main__':`?"
             )
         if code is not None and code < 0:
             name = signal.Signals(-code).name

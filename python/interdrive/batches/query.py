@@ -29,10 +29,10 @@ SECONDS, MEMORY = 60.0, 2.0 * 2**30
 #: What to do about them.
 RAISE_SECONDS, RAISE_MEMORY = "--timeout SECONDS gives it more time", "--memory SIZE allows more"
 
-#: DuckDB needs so much for its own sake [bytes].
+#: Memory that DuckDB itself needs [bytes].
 _MEMORY_MIN = 50_000_000
 
-#: Rows are read so many at a time; a value of Python takes about so much [bytes].
+#: Number of rows that are read at a time; approximate size of a value in Python [bytes].
 _PORTION, _CELL = 1000, 64
 
 
@@ -69,8 +69,8 @@ def query(folder: str | Path, text: str, *, seconds: float = SECONDS, memory: fl
     Args:
         folder: Of the batch.
         text: The query.
-        seconds: It is given up after so long [s]; a single call of a function of DuckDB is not interrupted.
-        memory: DuckDB may use so much, and the result about as much again [bytes].
+        seconds: Time limit of the query [s]; a single call of a function of DuckDB is not interrupted.
+        memory: Memory limit of DuckDB [bytes]; the result may take about as much again.
 
     Raises:
         ResultsError: The folder is no batch, or damaged.
@@ -168,7 +168,7 @@ def _check(statements: Sequence[Statement]) -> None:
     """Raises InputError unless it is one query."""
     kinds = [statement.type.name for statement in statements]
     if not kinds:
-        raise InputError('sql: there is no query; for instance "select planner, count(*) from agents group by all"')
+        raise InputError('sql: the query is empty; for instance "select planner, count(*) from agents group by all"')
     if len(kinds) > 1:
         raise InputError(f"sql: one query at a time, not {len(kinds)} statements")
     if kinds != ["SELECT"]:

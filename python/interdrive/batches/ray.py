@@ -82,7 +82,7 @@ class Cluster:
             words = self._last_words()
             if not kind:
                 raise InterdriveError(
-                    f"the process for Ray ends before it begins ({words}); "
+                    f"the process for Ray ended at once ({words}); "
                     "does the script guard its calls by `if __name__ == '__main__':`?"
                 ) from None
             raise no_cluster(self._address, words) from None
@@ -123,7 +123,7 @@ class Cluster:
 
     def _lost(self, reason: str) -> InterdriveError:
         return InterdriveError(
-            f"ray {self._address}: {reason}; finished runs are kept, the same command does the missing ones"
+            f"ray {self._address}: {reason}; finished runs are kept, repeat the command to do the missing ones"
         )
 
     def _last_words(self) -> str:

@@ -53,7 +53,7 @@ def drive(connection: Connection, words: Path, address: str, workers: int | None
         words: File for what Ray prints.
         address: Of the cluster; "auto": the one on this machine.
         workers: So many tasks at once; None: as the cluster's CPUs allow.
-        limits: A task may take so long [s], and a process may have so much resident memory [bytes].
+        limits: Time limit of a task [s] and limit of the resident memory of a process [bytes].
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     threading.Thread(target=end_with_the_parent, daemon=True).start()
@@ -139,7 +139,7 @@ def no_cluster(address: str, reason: str) -> InputError:
         return InputError(f"ray {address}: {' '.join(reason.split())}")
     if "node_ip_address" in reason:  # the file that every node has
         return InputError(
-            f"ray {address}: this machine is no node of that cluster; join it with `ray start --address={address}`"
+            f"ray {address}: this machine is not a node of that cluster; join it with `ray start --address={address}`"
         )
     return InputError(
         f"ray {address}: no cluster answers there ({reason.strip().partition(chr(10))[0]}); "
@@ -156,7 +156,7 @@ class Driver:
         Args:
             ray: The module, connected.
             workers: So many tasks at once; None: as the cluster's CPUs allow.
-            limits: A task may take so long [s], and a process may have so much resident memory [bytes].
+            limits: Time limit of a task [s] and limit of the resident memory of a process [bytes].
         """
         self._ray, self._workers, self._limits = ray, workers, limits
         self._waiting: dict[Any, tuple[int, Any, int]] = {}  # number, payload, how often Ray has had it

@@ -58,7 +58,7 @@ class BatchSummary:
         folder: Where the results are.
         keys: Of all runs that were asked for.
         found: So many of them were there already.
-        status: How many runs ended how; those that were found are counted, too.
+        status: Number of runs by how they ended, including existing runs.
         seconds: Wall time of this call [s].
         notes: One line per thing the user should know.
     """
@@ -115,7 +115,7 @@ def batch(
 
     Args:
         paths: CommonRoad files, folders of them, or names of shipped scenarios.
-        out: Folder of the batch: new, or one that holds a batch.
+        out: Folder of the batch, new or existing.
         planner: Under test: one (see `interdrive.PlannerSpec`), several separated by commas or in a list, or a mapping
             from labels to planners.
         predictor: The same for predictors.
@@ -123,22 +123,23 @@ def batch(
         traffic: Behaviour of vehicles that could be agents but are not under test: "recorded" (replay, the default),
             "velocity_adjusting" (that planner) or "same" (the planner under test). With all agents no vehicles are left
             and it is "same".
-        alone: Every agent under test gets a separate run, in which all others are traffic.
-        seeds: So many seeds, from 0 on; they choose agents.
+        alone: Simulate each agent under test in a run of its own, in which all others are traffic.
+        seeds: Number of seeds, which choose agents: 0 to `seeds - 1`.
         settings: Settings, or a mapping of dotted names.
-        workers: Processes; as many as there are cores otherwise. With Ray, so many tasks at once (its CPUs otherwise).
-        run_timeout: A run may take this long [s].
-        memory: A worker process may occupy this much memory [bytes].
-        keep: Which run folders are kept: "none", "failed" (an agent under test did not arrive) or "all".
-        retry: Runs that did not finish are done again.
-        ray: Address of a Ray cluster ("auto": the one that runs here); None: worker processes.
+        workers: Number of processes; None: the number of cores. With Ray, the number of concurrent tasks; None: its
+            CPUs.
+        run_timeout: Time limit of a run [s].
+        memory: Memory limit of a worker process [bytes].
+        keep: Run folders to keep: "none", "failed" (an agent under test did not reach its goal) or "all".
+        retry: Repeat runs that did not finish.
+        ray: Address of a Ray cluster ("auto": the cluster of this machine); None: worker processes.
         on_progress: Called whenever a run has ended.
 
     Returns:
         What was done; its `table` has the rows.
 
     Raises:
-        InputError: Something that cannot be used, before anything is simulated.
+        InputError: An argument cannot be used; raised before anything is simulated.
         ResultsError: The folder cannot be used.
         MissingExtraError: Ray or a planner is not installed.
     """
@@ -226,7 +227,7 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
 
     for end in backend.run(agents_of, take):
         spec = end.task.payload.spec
-        answer = Problem(end.lost, f"its agents could not be found out: {_twice(end)}") if end.lost else end.value
+        answer = Problem(end.lost, f"its agents could not be determined: {_twice(end)}") if end.lost else end.value
         answers[spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed] = answer
     known = folder.done()
     found: list[RunSpec] = []
@@ -287,7 +288,7 @@ def _conduct(
     send: bool,
     on_progress: Callable[[Progress], None] | None,
 ) -> None:
-    """Does the runs that are missing, waits for those that another batch is doing, and stores what comes of them."""
+    """Does the missing runs, waits for runs of another batch, and stores the results."""
     elsewhere: list[RunSpec] = []
     count = failures = 0
 

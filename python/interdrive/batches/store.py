@@ -55,7 +55,7 @@ _FOLDER = FolderKind("batch", _MARK, lambda _: False)
 #: Files of single runs are merged when there are this many, and this share of what is merged already.
 _MERGE_AT, _MERGE_SHARE = 64, 0.25
 
-#: What is half-written for so long will not be finished [s].
+#: Age after which a half-written file will not be finished [s].
 _LEFTOVER_AGE = 3600.0
 
 #: Where in the lock file the byte for merging is; run keys have the bytes behind it.
@@ -347,7 +347,7 @@ def _entries(folder: Path) -> Iterator[os.DirEntry[str]]:
 
 
 def _version(path: Path) -> tuple[int, ...]:
-    """Tells a file from one that takes its name."""
+    """Distinguishes a file from a later one of the same name."""
     found = path.stat()
     return found.st_ino, found.st_mtime_ns, found.st_size
 
@@ -360,6 +360,6 @@ def read_batch(path: str | Path, columns: Sequence[str] | None = None) -> ArrowT
         columns: Names of `interdrive.batches.COLUMNS`; all by default.
 
     Raises:
-        ResultsError: The folder is no batch, of another version, or damaged.
+        ResultsError: The folder is not a batch, of another version, or damaged.
     """
     return BatchFolder.open(path).table(columns)

@@ -34,16 +34,16 @@ _MARK = "benchmark.json"
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What a benchmark found.
+    """The result of a benchmark.
 
     Attributes:
-        set: Name of the set. set_sha256: Of what it states. split: Which part of it.
+        set: Name of the set. set_sha256: Hash of its contents. split: Part of the set.
         table: Planners in the order given; per planner all categories together, then each.
-        scenarios: By planner and name of the scenario 100 times the mean score of its agents, by traffic.
-        reference: Rows that come with the set, of the same split.
+        scenarios: 100 times the mean score of the agents of each scenario, by planner, scenario name and traffic.
+        reference: Published rows of the set, for the same split.
         missing: Files of the split that were not found, one line each; then the numbers are partial.
-        command: Repeats it.
-        folder: Where results and benchmark.json are.
+        command: Command that repeats the benchmark.
+        folder: Folder of the results and benchmark.json.
     """
 
     set: str
@@ -98,12 +98,12 @@ def benchmark(
         planner: One or several, as for `interdrive.batch`.
         set: Name of the set.
         split: "test", "dev" or "all".
-        scenarios: Folder below which the files of the set are; `INTERDRIVE_SCENARIOS` by default.
+        scenarios: Folder that contains the files of the set; None: `INTERDRIVE_SCENARIOS`.
         predictor: One predictor.
-        out: Folder; what is there already is not done again.
+        out: Folder of the results; existing runs in it are not repeated.
         workers: Processes; all cores by default.
         ray: Address of a Ray cluster.
-        raw: Recordings as the files have them, without repairs. Rows that come with the set are of repaired ones and
+        raw: Read recordings without repairs. The reference rows of the set, which are of repaired recordings, are then
             left out.
         on_progress: Called while runs end.
 

@@ -72,7 +72,7 @@ class BenchmarkSet:
             raise InputError(f"split {split!r}: expected one of {', '.join(SPLITS)}")
         found = tuple(file for file in self.files if split in ("all", file.split))
         if not found:
-            raise InputError(f"split {split}: {self.name} has no scenarios in it; take all")
+            raise InputError(f"split {split}: {self.name} has no scenarios; use all")
         return found
 
 
@@ -137,7 +137,7 @@ def find_files(wanted: tuple[SetFile, ...], folder: str | Path | None) -> tuple[
         else:
             others.setdefault(path.stem, path)
     missing = [
-        f"{file.name}: {others[file.name]} has other content"
+        f"{file.name}: {others[file.name]} has other contents"
         if file.name in others
         else f"{file.name}: not found ({' '.join(file.source) or 'shipped'})"
         for file in wanted

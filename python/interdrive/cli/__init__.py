@@ -73,7 +73,7 @@ class _Commands(click.Group):
             # The user's planners and predictors may be in the working folder; installed packages take precedence.
             sys.path.append(str(Path.cwd()))
         except FileNotFoundError:
-            return _complain("the working folder is gone; change to another one", 2)
+            return _complain("the working folder no longer exists; change to another one", 2)
         try:
             code = super().invoke(ctx)
             sys.stdout.flush()
@@ -107,19 +107,19 @@ def main() -> None:
 #: Commands by what they are for, in the order of `interdrive --help`, with the line that says what they do there.
 _GROUPS = {
     "Run": (
-        (run, "Let the vehicles of a scenario plan for themselves."),
-        (check, "Say what scenario files hold, and which vehicles can be agents."),
-        (join, "Join recordings that follow each other into one file."),
+        (run, "Simulate a scenario in which vehicles plan for themselves."),
+        (check, "Inspect scenario files and list possible agents."),
+        (join, "Join consecutive recordings into one file."),
         (verify, "Repeat a run and compare all states."),
         (study, "Replay an encounter at three degrees of interaction."),
     ),
     "Look at a run": (
         (report, "Write a run or a batch as an interactive HTML page."),
-        (explain, "Tell why agents ended as they did."),
+        (explain, "Explain why agents ended as they did."),
         (plot, "Draw a figure for a paper."),
         (criticality, "Measure how close traffic came to accidents."),
         (score, "Score agents from 0 to 100, with reasons."),
-        (solution, "Write drives as a CommonRoad solution."),
+        (solution, "Export a run as a CommonRoad solution."),
     ),
     "Compare": (
         (batch, "Run many scenarios with several planners."),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: `--raw` of all commands that read scenario files.
 raw_option = click.option(
-    "--raw", is_flag=True, help="Read recordings as the files have them, without repairs (recording.raw)."
+    "--raw", is_flag=True, help="Read recordings as they are in the file, without repairs (recording.raw)."
 )
 
 

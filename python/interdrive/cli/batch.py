@@ -41,10 +41,10 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 @click.option(
     "--traffic",
     metavar="recorded|velocity_adjusting|same",
-    help="Behaviour of vehicles not under test: replay, adjust their speed, or use the planner under test.",
+    help="Behaviour of all other vehicles: replay, replay with adjusted speed, or the planner under test.",
 )
-@click.option("--alone", is_flag=True, default=None, help="Give every agent under test a separate run.")
-@click.option("--seeds", metavar="N", help="Seeds 0 to N-1, which choose agents (1).")
+@click.option("--alone", is_flag=True, default=None, help="Simulate each agent under test in a run of its own.")
+@click.option("--seeds", metavar="N", help="Number of seeds for the choice of agents (1).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -54,12 +54,12 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 )
 @click.option("--out", metavar="DIR", help="Folder of the batch; existing runs in it are not repeated.")
 @click.option("--workers", metavar="N", help="Processes (all cores).")
-@click.option("--run-timeout", metavar="S", help="Time limit of a run [s]; after it the process is replaced.")
+@click.option("--run-timeout", metavar="S", help="Time limit of a run [s]; its process is then replaced.")
 @click.option("--memory", metavar="SIZE", help="Memory limit of a process, for instance 2G.")
 @click.option(
     "--keep",
     metavar="none|failed|all",
-    help="Run folders to keep: none, those in which an agent did not reach its goal, or all.",
+    help="Run folders to keep: none, failed (an agent did not reach its goal), or all.",
 )
 @click.option("--retry", is_flag=True, default=None, help="Repeat runs that did not finish.")
 @click.option(
@@ -67,7 +67,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     metavar="[=ADDRESS]",
     is_flag=False,
     flag_value="auto",
-    help="Run on a Ray cluster: that of this machine, or the one at an address.",
+    help="Run on the Ray cluster of this machine, or on the cluster at ADDRESS.",
 )
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def batch(
@@ -80,9 +80,9 @@ def batch(
 ) -> int:
     """Run every combination of scenario, planner, predictor and seed, on all cores, into one data set.
 
-    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. If you give the same command again, only
-    missing runs are done. Exit code 1: a run failed or a planner broke. Refused scenario files are rows of the table
-    and not failures.
+    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. If you repeat the command, only missing
+    runs are done. Exit code 1: a run failed or a planner broke. Refused scenario files are rows of the table and not
+    failures.
     """
     given["paths"] = paths or None
     choices, settings = _configured(
@@ -120,7 +120,7 @@ def batch(
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 f"interrupted; finished runs are in {shown(Path(choices.out).resolve())}, "
-                "the same command does the missing ones"
+                "repeat the command to do the missing ones"
             ) from None
     table = done.select(PRINTED)
     if not quiet:

@@ -11,18 +11,20 @@ from interdrive.errors import InputError
 @click.command()
 @click.argument("planner", metavar="PLANNER[,NAME=VALUE...][,PLANNER...]", required=False)
 @click.option("--set", "name", metavar="SET", default="shipped-2", help="Set of scenarios (shipped-2).")
-@click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev); claims are made on test.")
-@click.option("--scenarios", metavar="DIR", help="Folder below which the files of the set are (INTERDRIVE_SCENARIOS).")
-@click.option("--list", "listed", metavar="SET", help="List the files of a set, and do nothing else.")
+@click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev); use test for claims only.")
+@click.option("--scenarios", metavar="DIR", help="Folder that contains the files of the set (INTERDRIVE_SCENARIOS).")
+@click.option("--list", "listed", metavar="SET", help="List the files of a set and exit.")
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (all cores).")
 @click.option(
     "--ray",
     metavar="[=ADDRESS]",
     is_flag=False,
     flag_value="auto",
-    help="Run on a Ray cluster: that of this machine, or the one at an address.",
+    help="Run on the Ray cluster of this machine, or on the cluster at ADDRESS.",
 )
-@click.option("--out", metavar="DIR", help="Folder of the results (out/benchmark-SET); runs in it are not repeated.")
+@click.option(
+    "--out", metavar="DIR", help="Folder of the results (out/benchmark-SET); existing runs in it are not repeated."
+)
 @raw_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def benchmark(
@@ -37,10 +39,10 @@ def benchmark(
     raw: bool,
     quiet: bool,
 ) -> None:
-    """Drive every agent of a set alone, among replayed and among reacting traffic, and compare the scores.
+    """Score planners on a fixed set of scenarios, one agent at a time, among replayed and among reacting traffic.
 
-    The number of a planner is 100 times its score among reacting traffic, the mean of scenarios, with an interval over
-    places. Files of a set are found by their content; if some are missing, the number is partial and has no rank.
+    A planner's number is 100 times its mean score over scenarios among reacting traffic, with an interval over places.
+    Files are identified by their content; if some are missing, the number is partial and has no rank.
     """
     from interdrive.cli.batch_report import batch_progress  # noqa: PLC0415 - rich
     from interdrive.cli.score_report import print_benchmark, print_set  # noqa: PLC0415

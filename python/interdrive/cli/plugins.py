@@ -11,10 +11,10 @@ import click
 @click.command()
 @click.argument("name", required=False)
 def planners(name: str | None) -> None:
-    """List all planners with one line each; with NAME, the settings of that planner.
+    """List all planners, one per line; with NAME, list the settings of that planner.
 
-    NAME may be a built-in planner, one that an installed distribution offers, or module:object. You can append its
-    settings to the name, for all agents (--planner idm,time_gap=2.0) or for one (--agent 5=idm,time_gap=2.0).
+    NAME is a built-in planner, a planner of an installed distribution, or module:object. You can append its settings to
+    the name, for all agents (--planner idm,time_gap=2.0) or for one (--agent 5=idm,time_gap=2.0).
     """
     from interdrive.planners import NATIVE, RECORDS  # noqa: PLC0415
 
@@ -24,9 +24,9 @@ def planners(name: str | None) -> None:
 @click.command()
 @click.argument("name", required=False)
 def predictors(name: str | None) -> None:
-    """List all predictors with one line each; with NAME, the settings of that predictor.
+    """List all predictors, one per line; with NAME, list the settings of that predictor.
 
-    NAME may be a built-in predictor, one that an installed distribution offers, or module:object. You can append its
+    NAME is a built-in predictor, a predictor of an installed distribution, or module:object. You can append its
     settings to the name: --predictor lane_following,modes_max=1.
     """
     from interdrive.predictors import NATIVE, RECORDS  # noqa: PLC0415

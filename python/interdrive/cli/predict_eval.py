@@ -58,7 +58,7 @@ def predict_eval(
     replayed, no vehicle plans. The results are position errors, likelihood, calibration, standing vehicles, points off
     the road and time per call, by category (the name of a file's folder: highway, intersection, urban, junction ...)
     and overall, as tables, Parquet files and figures. With --split there are also results for recorded, simulated and
-    invented traffic. A recording that occurs in several files counts once.
+    invented traffic. A recording found in several files counts once.
     """
     if not files:
         raise InputError("predict-eval: no recordings; give files, folders or names of shipped scenarios")

@@ -41,7 +41,7 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
     )
     kinds = (("", "region"), (" m", "moving"), (" e", "ellipse"))
     inside = {f"{mass} %{mark}": (f"{name}_{mass}_3", "{:.1%}") for mark, name in kinds for mass in (50, 90, 99)}
-    title = "positions at 3 s inside regions of highest density, of those that move (m), inside ellipses (e)"
+    title = "positions at 3 s inside regions of highest density, of moving vehicles (m), inside ellipses (e)"
     _print_measures(console, rows, title, inside)
     _print_measures(
         console,

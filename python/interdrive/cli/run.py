@@ -35,8 +35,8 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--agents",
     metavar="all|reachable|problems|N|ID,ID",
-    help="Agents: all, reachable (their recording is in time), problems (planning problems alone), a number chosen "
-    "with the seed, or ids ('7,' is id 7).",
+    help="Agents: all, reachable (recorded vehicles that are in time), problems (planning problems only), a number "
+    "chosen with the seed, or ids ('7,' is id 7).",
 )
 @click.option(
     "--planner",
@@ -63,8 +63,10 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
 @click.option("--v2x", metavar="P", help="Share of the agents that cooperate by V2X, 0 to 1 (v2x.penetration).")
-@click.option("--seed", metavar="N", help="Seed for the choice of agents, and of what cooperation draws (0).")
-@click.option("--threads", metavar="N", help="Threads that plan (all cores); results do not depend on it.")
+@click.option(
+    "--seed", metavar="N", help="Seed for the choice of agents and for the random numbers of cooperation (0)."
+)
+@click.option("--threads", metavar="N", help="Number of planning threads (all cores); results do not depend on it.")
 @click.option("--out", metavar="DIR", help="Run folder (a new one under out/).")
 @click.option("--overwrite", is_flag=True, default=None, help="Replace the run in that folder.")
 @click.option("--png", is_flag=True, default=None, help="Draw all trajectories: run.png.")
@@ -79,7 +81,7 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
 @click.option(
-    "--raise", "raises", is_flag=True, help="Stop at the first exception of a planner in Python; print its traceback."
+    "--raise", "raises", is_flag=True, help="Stop at the first exception of a Python planner and print its traceback."
 )
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def run(
@@ -92,7 +94,7 @@ def run(
     quiet: bool,
     **given: Any,  # noqa: ANN401 - texts and flags
 ) -> int:
-    """Let the vehicles of a scenario plan for themselves.
+    """Simulate a scenario in which vehicles plan for themselves.
 
     FILE is a CommonRoad file or the name of a shipped scenario (t_junction, lane_merge, highway, intersection, signals,
     town).
@@ -141,14 +143,14 @@ def run(
             on_planner_error="raise" if raises else "end_agent",
         )
         if choices.agent_view not in {None, *(agent.id for agent in simulation.agents)}:
-            raise InputError(f"agent {choices.agent_view}: a film of it is asked for, but it is not an agent")
+            raise InputError(f"agent {choices.agent_view}: --agent-view asks for a film of it, but it is not an agent")
         try:
             done = simulation.run(report.step)
         except RunInterrupted as stop:
             if stop.run.states.n_steps < 2:
                 raise KeyboardInterrupt from None
             save(stop.run, folder, overwrite=choices.overwrite)
-            raise KeyboardInterrupt(f"{stop}; the run so far is in {shown(folder)}") from None
+            raise KeyboardInterrupt(f"{stop}; the run until then is in {shown(folder)}") from None
         except InterdriveError:
             raise
         except Exception:

@@ -24,16 +24,16 @@ from interdrive.errors import InputError
 )
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv: bool) -> None:
-    """Score the agents of a run from 0 to 100, and say why they do not have more.
+    """Score the agents of a run from 0 to 100, with reasons for lost points.
 
-    RUN is a run folder, which gets score.parquet unless --agents or --set is given. Of the batch in folder BATCH the
-    scores of its planners are printed, and all zeros by reason. The documentation (Scores) defines the terms.
+    RUN is a run folder; score.parquet is written to it unless you give --agents or --set. For a batch folder BATCH, the
+    command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines the terms.
     """
     from interdrive.cli.score_report import print_batch_scores, print_scores  # noqa: PLC0415 - rich
 
     if (Path(folder) / "batch.json").exists():
         if agents or assignments:
-            raise InputError(f"{folder}: a batch is scored while it runs; --agents and --set are for run folders")
+            raise InputError(f"{folder}: batches are scored as they run; --agents and --set apply to run folders")
         from interdrive.batches.store import BatchFolder  # noqa: PLC0415 - pyarrow
         from interdrive.comparison.scores import batch_scores  # noqa: PLC0415 - needs the simulation
         from interdrive.comparison.variants import left_out_humans  # noqa: PLC0415

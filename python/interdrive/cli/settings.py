@@ -8,7 +8,7 @@ import click
 @click.command()
 @click.argument("word", default="")
 def settings(word: str) -> None:
-    """List all settings with defaults and meaning, or those with WORD in their name or text."""
+    """List all settings with defaults and meaning, or only those with WORD in their name or meaning."""
     from interdrive.cli.report import print_settings  # noqa: PLC0415 - rich
     from interdrive.config.binding import described  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415

@@ -17,10 +17,14 @@ from interdrive.errors import InputError
 @click.argument("folder", metavar="RUN")
 @click.option("--cost", metavar="NAME", default="SM1", help="Cost function of the benchmark id (SM1).")
 @click.option("--model", metavar="KS|ST|PM", default="KS", help="Vehicle model (KS).")
-@click.option("--vehicle", metavar="N", type=int, help="Vehicle type, 1 to 4; refused if another one was driven.")
-@click.option("--date", metavar="DATE", help="When it was computed: 2026-01-31 or 2026-01-31T12:00:00 (left out).")
-@click.option("--processor", metavar="NAME", help="Processor that computed it (left out).")
-@click.option("--check", is_flag=True, help="Run the checks of commonroad-drivability-checker, and its costs.")
+@click.option("--vehicle", metavar="N", type=int, help="Vehicle type, 1 to 4; must be the type that was driven.")
+@click.option(
+    "--date", metavar="DATE", help="Date of the computation, such as 2026-01-31 or 2026-01-31T12:00:00 (left out)."
+)
+@click.option("--processor", metavar="NAME", help="Processor of the computation (left out).")
+@click.option(
+    "--check", is_flag=True, help="Run the official checks and cost functions (commonroad-drivability-checker)."
+)
 @click.option("--out", metavar="FILE", help="The document (solution.xml in the run folder).")
 def solution(
     folder: str,
@@ -32,10 +36,10 @@ def solution(
     check: bool,
     out: str | None,
 ) -> int:
-    """Write the drives of the planning problems in RUN as a CommonRoad solution, for the benchmark site.
+    """Export the solved planning problems of RUN as a CommonRoad solution for the benchmark site.
 
-    The run must have been made with --agents problems, and all problems must be solved. Problems drive vehicle type 2
-    (BMW 320i); --set agents.vehicle_type=1 drives another one. Exit code 1: a check failed.
+    The run must have been made with --agents problems, and all problems must be solved. The vehicle is type 2 (BMW
+    320i) unless you run with --set agents.vehicle_type=1, 3 or 4. Exit code 1: a check failed.
     """
     from interdrive.files.solution import write_solution  # noqa: PLC0415 - numpy
     from interdrive.results.folder import inputs_of  # noqa: PLC0415

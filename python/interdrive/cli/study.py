@@ -37,7 +37,7 @@ class _Target(NamedTuple):
     "--threads",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Threads that plan (all cores); results do not depend on it.",
+    help="Number of planning threads (all cores); results do not depend on it.",
 )
 @raw_option
 @click.option("--agents", metavar="N,N,...", help="runtime: numbers of agents (1,2,4,8,16,24 and all).")
@@ -73,14 +73,14 @@ def study(
     The agent always plans. The other vehicle replays its recording (deterministic), adjusts its speed on its recorded
     path (semi-deterministic), or drives with the agent's planner (interactive). No other vehicle plans.
 
-    merge and t_junction are the case studies of the paper, on the recorded scenarios below $INTERDRIVE_SCENARIOS and on
-    a shipped one. Any other FILE, or name of a shipped scenario, needs --agent and --other.
+    merge and t_junction are the case studies of the paper, on recorded scenarios in $INTERDRIVE_SCENARIOS and on a
+    shipped one. Any other FILE or shipped scenario needs --agent and --other.
 
-    runtime measures the time per step over the number of agents, with one thread and with all of them, in four
+    runtime measures the time per step over the number of agents, with one thread and with all threads, in four
     scenarios and in the shipped town with up to 1000 agents, with tables and figures.
 
-    cooperation compares shares of agents with V2X, delays and losses of messages, over scenarios and seeds; without
-    orders at junctions, unless you set rules.precedence=true.
+    cooperation compares shares of equipped agents, delays and losses of messages over scenarios and seeds. Agents get
+    no orders at junctions unless you set rules.precedence=true.
     """
     if what == "cooperation":
         for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("folder", metavar="RUN")
-@click.option("--scenario", metavar="FILE", help="Present path of the scenario file, if it was moved.")
-@click.option("--threads", metavar="N", type=click.IntRange(min=1), help="Threads that plan (all cores).")
+@click.option("--scenario", metavar="FILE", help="Current path of the scenario file, if it was moved.")
+@click.option("--threads", metavar="N", type=click.IntRange(min=1), help="Number of planning threads (all cores).")
 @click.option("--trust", is_flag=True, help="Import planners and predictors that run.json names as module:object.")
 def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) -> int:
     """Repeat the run in folder RUN and compare the digest of all states.
 
-    Exit code 0: equal to the last bit. Exit code 1: different. A planner or predictor that run.json names as
-        module:object is code that would run with your rights: confirm it when asked, or give --trust.
+    Exit code 0: equal to the last bit. Exit code 1: different. Planners and predictors that run.json names as
+        module:object are code that runs with your rights: confirm when asked, or give --trust.
     """
     from interdrive.cli.report import print_verdict, progress  # noqa: PLC0415 - rich
     from interdrive.config.agent_config import modules_named  # noqa: PLC0415
@@ -39,11 +39,9 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     try:
         wanted: dict[str, Any] = {**info["settings"]}
         if not info.get("finished", True):
-            raise InputError(f"{folder}: the run was interrupted, so its repetition would be another one")
+            raise InputError(f"{folder}: the run was interrupted, so a repetition would differ")
         if not wanted.get("repeatable", True):
-            raise InputError(
-                f"{folder}: the run used objects made in Python, which run.json cannot name; repeat it there"
-            )
+            raise InputError(f"{folder}: the run used Python objects that run.json cannot name; repeat it in Python")
         arguments: dict[str, Any] = {
             "agents": wanted["agents"],
             "planner": wanted["planner"],

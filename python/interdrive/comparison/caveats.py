@@ -67,8 +67,8 @@ def caveats(
     n_scenarios = len(set(rows["scenario_sha256"][rows["status"] == "finished"]))
     said = [
         (
-            f"The scenarios ({n_scenarios}) are those that were given, not a sample of traffic: nothing here is a rate "
-            "per kilometre or hour on the road."
+            f"The scenarios ({n_scenarios}) were chosen, not sampled from traffic: no number here is a rate per "
+            "kilometre or hour on the road."
         ),
         *_of_the_choice(rows, sets),
     ]
@@ -80,13 +80,13 @@ def caveats(
     traffic = {one.traffic for one in sets}
     if "recorded" in traffic:
         said.append(
-            "Recorded traffic does not react: it drives into an agent that is not where the recorded driver was, and "
-            "such collisions are not all faults of the planner."
+            "Recorded traffic does not react: it drives into agents that are not where the recorded driver was, so not "
+            "every collision is the planner's fault."
         )
     if "same" in traffic:
         said.append(
-            "Where all vehicles have the planner under test, planners meet different traffic, namely themselves: a "
-            "difference is one between worlds, not between drivers in the same world."
+            "Where all vehicles have the planner under test, planners meet different traffic, namely themselves: "
+            "differences are between worlds, not between drivers in the same world."
         )
     return (*said, *_of_measures(counted))
 
@@ -114,8 +114,8 @@ def _of_the_choice(rows: Mapping[str, Any], sets: Sequence[ComparedSet]) -> list
         )
     if any(any(one.left_out.values()) for one in sets):
         said.append(
-            "Only agents that all planners drove are compared: as long as a planner lacks scenarios, the numbers of "
-            "all are about the scenarios that it has, which need not be typical. `--planner` leaves it out."
+            "Only agents that all planners drove are compared: if a planner lacks scenarios, all numbers cover just "
+            "the scenarios that it has, which may not be typical. `--planner` leaves it out."
         )
     return said
 
@@ -126,8 +126,8 @@ def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]
         return []
     said = [
         (
-            f"Intervals ({100 * level:g} %) say how far a difference depends on which of these scenarios were drawn; "
-            "not how it depends on settings, predictor, vehicle model or goals that were derived from recordings."
+            f"Intervals ({100 * level:g} %) show how much a difference depends on the drawn scenarios, not how it "
+            "depends on settings, predictor, vehicle model or goals derived from recordings."
         )
     ]
     enough = [row for row in known if _is_enough(row)]
@@ -135,17 +135,17 @@ def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]
         few = len(known) - len(enough)
         which = f"{few} of {len(known)} differences are" if enough else "All differences are"
         said.append(
-            f"{which} over fewer than {SCENARIOS_MIN} scenarios: so few make intervals that are much too narrow, or "
-            "without any width, and no such difference is called sure."
+            f"{which} over fewer than {SCENARIOS_MIN} scenarios: their intervals are much too narrow or have no width, "
+            "and none of these differences is called certain."
         )
     tested = [row for row in enough if _has_width(row)]
     if tested:
         n, whole = len(tested), sum(row["category"] == ALL for row in tested)
         wrong = f"{(1 - level) * n:.{0 if n >= 10 else 1}f}"
         said.append(
-            f"There are {n} differences with an interval of {SCENARIOS_MIN} or more scenarios ({whole} over all "
-            f"categories, {n - whole} within categories): of {n} true zeros at least about {wrong} would "
-            "have one without zero by chance."
+            f"{n} differences have an interval over {SCENARIOS_MIN} or more scenarios ({whole} over all categories, "
+            f"{n - whole} within categories): if all were truly zero, about {wrong} intervals or more would still "
+            "exclude zero by chance."
         )
     return said
 
@@ -162,8 +162,8 @@ def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) 
     where = f" with traffic {one.traffic}, agents {one.agents}" if several else ""
     return [
         (
-            f"Few collisions{where} ({', '.join(few)}): a rate from so few events, and harm even more, depends "
-            "on single agents."
+            f"Few collisions{where} ({', '.join(few)}): a rate from few events, and harm even more, depends on "
+            "single agents."
         )
     ]
 
@@ -177,10 +177,10 @@ def _of_measures(counted: Sequence[Mapping[str, Any]]) -> list[str]:
             "agent that ends early, by a collision too, has less time for critical moments and jerk."
         ),
         (
-            "Plan times are wall times on this machine with one thread per run, whatever else it did; native planners "
+            "Plan times are wall times on this machine with one thread per run, at whatever load; native planners "
             "share the time of a step equally."
         ),
     ]
     if any((here["counts"] & (here["outcome"] == "planner_error")).any() for here in counted):
-        said.append("Agents whose planner broke (broken) are counted as agents; they may hide other outcomes.")
+        said.append("Agents whose planner failed (broken) count as agents; they may hide other outcomes.")
     return said

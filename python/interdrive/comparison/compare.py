@@ -57,7 +57,7 @@ def compare(
 
     Args:
         folder: Of the batch.
-        planners: Labels of those that are compared; all of the batch by default.
+        planners: Labels of the planners to compare; None: all of the batch.
         samples: Bootstrap samples.
         level: Coverage of the intervals.
         seed: Of the samples.

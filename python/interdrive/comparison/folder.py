@@ -26,7 +26,7 @@ def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = 
 
     Args:
         found: What to write.
-        folder: New or empty folder, or one that holds another comparison.
+        folder: A new or empty folder, or the folder of another comparison.
         overwrite: Replace the other comparison. A folder with anything else in it is never touched.
 
     Returns:

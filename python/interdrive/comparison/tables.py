@@ -120,11 +120,11 @@ def meaning_of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -
         count = f"there {'is' if most == 1 else 'are'} {most}"
         return (
             f"Nothing is in bold: over fewer than {SCENARIOS_MIN} scenarios ({count}) intervals are much too narrow, "
-            "and no planner is called better than another one."
+            "so no planner is called better than another."
         )
     said = "Bold: the interval does not contain zero."
     if names:
-        said += f" Never in bold, being over fewer than {SCENARIOS_MIN} scenarios: {', '.join(names)}."
+        said += f" Never in bold, with fewer than {SCENARIOS_MIN} scenarios: {', '.join(names)}."
     return said
 
 

@@ -30,7 +30,7 @@ NOT_JUDGED, REPLAYED = "planner recorded among reacting traffic is not judged", 
 _OTHERS = {
     "recorded": "all others replay their recording",
     "velocity_adjusting": "all others keep to their path and adjust their speed",
-    "same": "all others have it, too",
+    "same": "all others drive with it, too",
 }
 
 
@@ -74,7 +74,7 @@ class ComparedSet:
         text = f"{self.n_agents} agents in {scenarios}"
         if any(self.left_out.values()):
             counts = ", ".join(f"{variant} {count}" for variant, count in self.left_out.items() if count)
-            text += f", those that all {len(self.drivers)} planners drove; not counted: {counts}"
+            text += f", driven by all {len(self.drivers)} planners; not counted: {counts}"
         if self.n_repeated:
             text += f"; {self.n_repeated} rows are not counted, as their seeds drew the same agents as earlier ones"
         return text
@@ -156,7 +156,7 @@ def variants_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
 
 
 def categories_of(rows: Mapping[str, Any]) -> NDArray[np.object_]:
-    """The category of every row's scenario: of those that its runs have, the shortest, then the first by alphabet.
+    """The category of every row's scenario: of the categories of its runs, the shortest, then the first by alphabet.
 
     The category of a run says below which folder its scenario was found, and differs where another one was given.
     """

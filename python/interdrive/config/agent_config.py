@@ -124,7 +124,7 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
     else:
         default = read_planner(cast("PlannerSpec", planner), settings.planner)
         if default.v2x is not None:
-            raise InputError("v2x", "is a choice of one agent; for all agents set v2x.penetration")
+            raise InputError("v2x", "applies to a single agent; for all agents set v2x.penetration")
         view, rules = _record("view", settings.view, default.view), _record("rules", settings.rules, default.rules)
         settings, default = replace(settings, view=view, rules=rules), AgentChoice(default.planner)
     return RunConfig(settings, default, own)

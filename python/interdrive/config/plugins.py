@@ -23,7 +23,8 @@ class Choice:
     """A planner or predictor with its settings.
 
     Attributes:
-        chosen: Name, `module:object`, record, object, class or factory; None for the one that all other agents have.
+        chosen: Name, `module:object`, record, object, class or factory; None: the planner or predictor of all other
+            agents.
         settings: Its settings by their dotted names, as text or plain values; those of the view begin with "view.".
     """
 
@@ -237,7 +238,7 @@ def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
 
 
 def _versions(distributions: Iterable[str]) -> dict[str, str]:
-    """Their versions; "" for those that are not installed."""
+    """Their versions; "" for distributions that are not installed."""
     found = dict.fromkeys(distributions, "")
     for distribution in found:
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -24,8 +24,8 @@ class StepSettings(CoreStepSettings):
     """Steps of the world.
 
     Attributes:
-        planner_timeout_s: Time limit of a planner written in Python per plan; inf: no limit. With a limit,
-            outcomes depend on the speed of the machine.
+        planner_timeout_s: Time limit per plan of a planner in Python; inf: no limit. With a limit, outcomes depend on
+            the speed of the machine.
     """
 
     planner_timeout_s: Annotated[float, "s"] = math.inf
@@ -52,15 +52,15 @@ class RecordSettings:
 
     Attributes:
         views: Keep the visibility intervals (`Run.views`, views.parquet).
-        predictions: Keep the predictions that agents planned with, every half second ahead (`Run.predictions`,
+        predictions: Keep the predictions that agents planned with, at intervals of 0.5 s (`Run.predictions`,
             predictions.parquet).
         candidates: Number of sampled candidates to keep per plan (`Run.candidates`, candidates.parquet): the chosen
             one, then others by ascending cost; 0: none. All candidates are then evaluated, which takes long.
         candidate_spacing: Time between plans of an agent whose candidates are kept.
         violations: Keep violations of rules of the road (`Run.violations`, violations.parquet).
-        orders: Keep what agents are told before junctions and crosswalks (`Run.orders`, orders.parquet).
-        messages: Messages of agents with V2X to keep (`Run.messages`, messages.parquet): none, those that were sent,
-            or besides them the links to receivers in range.
+        orders: Keep the orders to wait before junctions and crosswalks (`Run.orders`, orders.parquet).
+        messages: V2X messages to keep (`Run.messages`, messages.parquet): none, sent messages, or these and their links
+            to receivers in range.
     """
 
     views: bool = False
@@ -83,8 +83,8 @@ class RecordingSettings:
     """How the recordings of a file are read.
 
     Attributes:
-        raw: As the file has them: headings that are off by one angle are not turned, recordings that overlap collide,
-            and a planning problem is no vehicle that enters later.
+        raw: Read recordings without repairs: headings that are off by a constant angle are not turned, overlapping
+            recordings collide, and a planning problem is not matched with a vehicle that enters later.
     """
 
     raw: bool = False
@@ -123,7 +123,7 @@ class SimulationSettings:
     record: RecordSettings = field(default_factory=RecordSettings)
 
 
-#: Settings of a run, or dotted names of those that are not the defaults: `{"view.sensor_radius": 40.0}`.
+#: Settings of a run, or a mapping of dotted names that overrides defaults: `{"view.sensor_radius": 40.0}`.
 SettingsSpec: TypeAlias = SimulationSettings | Mapping[str, Setting]
 
 

@@ -171,11 +171,11 @@ class Criticality:
         """Row of the judged participant with id `participant_id`.
 
         Raises:
-            InputError: It was not judged.
+            InputError: It was not evaluated.
         """
         rows = np.flatnonzero(self.participant_id == participant_id)
         if not len(rows):
-            raise InputError(f"participant {participant_id} was not judged")
+            raise InputError(f"participant {participant_id} was not evaluated")
         return int(rows[0])
 
     def most_critical(self, name: str) -> CriticalMoment | None:
@@ -213,7 +213,7 @@ class Criticality:
 
         Args:
             name: The measure.
-            n: At most so many.
+            n: Largest number of pairs.
             rows: If given, only moments of these judged participants, shape (judged,).
 
         Raises:
@@ -323,7 +323,7 @@ def evaluate(
     available = dict(deceleration or {})
     strangers = [number for number in available if number not in judged]
     if strangers:
-        raise InputError(f"participant {strangers[0]}: a deceleration is given for it, but it is not judged")
+        raise InputError(f"participant {strangers[0]}: a deceleration is given for it, but it is not evaluated")
     found = _core.evaluate_criticality(
         scenario.dt,
         core_road(scenario, _ROAD),
@@ -349,7 +349,7 @@ def evaluate(
         notes.append("no vehicle is evaluated: there are no agents and no moving vehicles, or none are requested")
     if chosen.conflict_areas == "stated" and not scenario.incomings:
         notes.append(
-            "the map states no intersection: no conflict areas for et, pet and psd; "
+            "the map has no intersection: no conflict areas for et, pet and psd; "
             "conflict_areas=crossing looks for crossing lanelets"
         )
     collided = {(min(a, b), max(a, b)) for a, b, _ in traffic.contacts}

@@ -13,8 +13,8 @@ class CriticalitySettings(MeasureSettings):
     """What can be chosen; the defaults are those of docs/reference/criticality.md.
 
     Attributes:
-        conflict_areas: Where vehicles cross: between the connectors of stated intersections, or crossing, between all
-            lanelets that cross or join.
+        conflict_areas: Where vehicles cross: stated, between the connectors of the file's intersections, or crossing,
+            between all lanelets that cross or join.
     """
 
     conflict_areas: Literal["stated", "crossing"] = "stated"

@@ -169,7 +169,7 @@ def traffic_of(source: Scenario | RecordedRun) -> Traffic:
 
 
 def footprints(run: RecordedRun) -> tuple[Shape, ...]:
-    """Footprints of all participants of a run; those that were never recorded are rectangles."""
+    """Footprints of all participants of a run; participants without a recording are rectangles."""
     obstacles, states = run.scenario.obstacles, run.states
     recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
     sizes = zip(states.participant_id.tolist(), states.length.tolist(), states.width.tolist(), strict=True)

@@ -56,7 +56,7 @@ class FrenetWeights:
         names = [one.name for one in fields(CostWeights) if one.name != "velocity_offset"]
         for term in self.terms:
             if term not in names:
-                raise InputError("actions", f"there is no weight {term} to be changed; there are {', '.join(names)}")
+                raise InputError("actions", f"there is no weight {term}; choose from {', '.join(names)}")
         if self.change not in ("absolute", "additive"):
             raise InputError("actions", f'change must be "absolute" or "additive", not {self.change!r}')
 
@@ -82,7 +82,7 @@ class ActionKind:
     space: gymnasium.Space[np.ndarray] | gymnasium.spaces.Discrete
 
     def array(self, rows: int) -> np.ndarray:
-        """An array for the actions of so many rows."""
+        """An array for the actions of `n` rows."""
         if isinstance(self.space, gymnasium.spaces.Discrete):
             return np.zeros(rows, dtype=np.int32)
         return np.zeros((rows, *self.shape), dtype=np.float32)

@@ -97,7 +97,7 @@ class Buffers:
         has_raster: bool,
         keep_final: bool,
     ) -> None:
-        """Makes those that are not given."""
+        """Makes the arrays that are not given."""
         pictures = (rows, *_core.RASTER)
         made: dict[str, NDArray[Any]] = {
             "actions": actions,

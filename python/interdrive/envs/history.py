@@ -108,9 +108,7 @@ class History:
             InputError: Too many decisions were taken since the last reset of all worlds.
         """
         if self._size > _SIZE_MAX:
-            raise InputError(
-                "an environment that has run for so long without a reset cannot be pickled; reset it, or copy it"
-            )
+            raise InputError("too many steps without a reset to pickle the environment; reset it, or copy it")
 
     def repeat(self, engine: Repeatable) -> None:
         """Does all of it to worlds of the same settings."""

@@ -32,9 +32,9 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
 
     Attributes:
         possible_agents: Names of the most agents that learn at once.
-        agents: Names of those that drive. Those whose vehicles enter later join at that step.
-        agent_ids: CommonRoad ids of all that learn in this episode, by name, those that enter later among them. They
-            are not in the infos of a reset: if there are any, TorchRL takes nothing but numbers.
+        agents: Names of the driving agents. Agents whose vehicles enter later join at that step.
+        agent_ids: CommonRoad ids of all learners of this episode by name, including learners that enter later. They are
+            not in the infos of a reset: if there are any, TorchRL takes nothing but numbers.
 
     Args:
         render_mode: None.
@@ -164,7 +164,7 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         self._engine.update(changes)
 
     def run(self) -> Run:
-        """The episode so far; needs `record=True`."""
+        """The episode until now; needs `record=True`."""
         return run_of(self._engine)
 
     def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

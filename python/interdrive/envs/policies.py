@@ -44,7 +44,7 @@ def export_policy(
     """
     kind = action_kind(actions or Kinematic())
     if not isinstance(kind.record, Kinematic):
-        raise InputError("actions", "a policy as a planner needs those of the single-track model")
+        raise InputError("actions", "a policy used as a planner needs actions of the single-track model")
     observed = replace(observation or ObservationSettings(), form="flat")
     metadata = {
         "format": str(FORMAT),

@@ -20,7 +20,7 @@ from interdrive.scenario.native import thread_count
 #: Scenario files, folders with some, names of shipped scenarios, or scenarios.
 ScenariosSpec: TypeAlias = str | Path | Scenario | Sequence[str | Path | Scenario]
 
-#: Which agents learn: so many, "all", or ids.
+#: Which agents learn: a number, "all", or ids.
 Learners: TypeAlias = int | Literal["all"] | Sequence[int]
 
 #: What drives the others that could be agents: "recorded", a planner, or planners by id (others are recorded).

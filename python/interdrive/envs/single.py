@@ -112,7 +112,7 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         self._engine.update(changes)
 
     def run(self) -> Run:
-        """The episode so far; needs `record=True`."""
+        """The episode until now; needs `record=True`."""
         return run_of(self._engine)
 
     def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -36,7 +36,7 @@ class Start:
 
     Attributes:
         time_step: First time step.
-        eligible: Positions of the vehicles that can learn: those that drive then, and planning problems that begin
+        eligible: Positions of the vehicles that can learn: vehicles that drive then, and planning problems that begin
             later.
         later: Positions of recorded vehicles that enter later; they learn only if they are named.
     """
@@ -54,7 +54,7 @@ class Stage:
         scenario: The scenario.
         road: Its roads.
         agents: Vehicles that can learn, sorted by id.
-        configs: Planner, view and rules by id, for those that do not learn.
+        configs: Planner, view and rules by id, for agents that do not learn.
         core: The core's handle.
         recorded: The core's handle of the scenario.
         starts: Where episodes may begin.
@@ -185,7 +185,7 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
         raise InputError(
             "decision_seconds",
-            f"{setup.settings.decision_seconds:g} is no multiple of dt = {scenario.dt:g} ({scenario.name})",
+            f"{setup.settings.decision_seconds:g} is not a multiple of dt = {scenario.dt:g} ({scenario.name})",
         )
     road = core_road(scenario, simulation.road)
     recorded = core_scenario(scenario, road)

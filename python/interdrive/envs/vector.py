@@ -29,7 +29,7 @@ def _mode(given: Any) -> tuple[str, Any]:  # noqa: ANN401 - a word or a member o
     """
     name = str(getattr(given, "name", given)).upper()
     if name not in _MODES:
-        raise InputError("autoreset_mode", f"{given} is none of {', '.join(_MODES)}")
+        raise InputError("autoreset_mode", f"{given} is not one of {', '.join(_MODES)}")
     modes = getattr(gymnasium.vector, "AutoresetMode", None)
     if modes is None and name != "NEXT_STEP":
         raise InputError(f"autoreset_mode {name} needs gymnasium 1.1; {gymnasium.__version__} is installed")

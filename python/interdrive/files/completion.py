@@ -115,7 +115,7 @@ def completed_messages(
 ) -> tuple[str, ...]:
     """The same for the three messages of a scenario in protobuf, as far as they can lack something.
 
-    A sign that is not in the list of its country is read as one that nobody knows.
+    A sign that is not in the list of its country is read as an unknown sign.
 
     Args:
         roads: Message of the map, changed in place, as are the others.

@@ -344,7 +344,7 @@ def is_priority_sign(sign: Foreign, facts: Facts) -> bool:
 
 
 def _names(sign: Foreign, facts: Facts) -> set[str]:
-    """Names of the elements of a sign, also of those that commonroad-io does not know in its country."""
+    """Names of the elements of a sign, including elements that commonroad-io does not know in its country."""
     elements = [element.traffic_sign_element_id for element in sign.traffic_sign_elements]
     raw = facts.signs.get(int(sign.traffic_sign_id), tuple(str(element.value) for element in elements))
     return {str(element.name) for element in elements} | {_NAMES[text] for text in raw if text in _NAMES}

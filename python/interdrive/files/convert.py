@@ -216,7 +216,7 @@ def _turned(left: NDArray[np.float64], right: NDArray[np.float64]) -> int | None
 
 
 def _not_obeyed(network: Foreign, facts: Facts) -> tuple[str, ...]:
-    """One line if there are signs besides those that planners obey."""
+    """One line if there are signs that planners do not obey."""
     count = sum(not (is_sign(sign, _LIMITS) or is_priority_sign(sign, facts)) for sign in network.traffic_signs)
     what = "1 traffic sign is" if count == 1 else f"{count} traffic signs are"
     return (

@@ -49,7 +49,7 @@ class Facts:
         trajectories: By obstacle id the states of those trajectories that are certain: time step and columns as in
             `STATE_FIELDS`, nan where not stated. commonroad-io takes twenty times as long for them.
         version: Version of the format; empty if unknown.
-        signs: Ids of the elements of each traffic sign, by its id; commonroad-io forgets those that it does not know.
+        signs: Ids of the elements of each traffic sign, by its id; commonroad-io drops unknown ones.
         dangling: One line per reference to an element that does not exist; None: to be found in the network.
         notes: What the file lacks, in words.
         unplaced_lights: Ids of traffic lights without position, for which commonroad-io invents one.
@@ -285,7 +285,7 @@ def facts(root: Element, file: str, dangling: tuple[str, ...] = ()) -> Facts:
 
 
 def _stated(initial: Element) -> frozenset[str]:
-    """Names of the elements in an initial state; of those that are missing, it gets what commonroad-io wants to see.
+    """Names of the elements in an initial state; missing ones are filled in as commonroad-io expects them.
 
     Where one of them is missing, commonroad-io takes 0 for others, too.
     """

@@ -63,10 +63,10 @@ def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
 def completed(recorded: Track, dt: float) -> Track:
     """The track with every missing value derived.
 
-    The heading is derived from the direction of motion (a standing vehicle keeps its heading; one that never moves gets
-    0), the speed from the motion along the heading, acceleration and yaw rate from their changes. Differences are
-    central inside and one-sided at the ends. Missing values of a single state are 0. Headings are wrapped to [-pi, pi].
-    Derived values stay within the bounds for stated ones, however far a recording jumps.
+    The heading is derived from the direction of motion (a standing vehicle keeps its heading; a vehicle that never
+    moves gets 0), the speed from the motion along the heading, acceleration and yaw rate from their changes.
+    Differences are central inside and one-sided at the ends. Missing values of a single state are 0. Headings are
+    wrapped to [-pi, pi]. Derived values stay within the bounds for stated ones, however far a recording jumps.
 
     Args:
         recorded: At least one state; positions are complete.

@@ -33,7 +33,7 @@ _BY_RANK = {(1, 1, 1): _STOP, (2, 2, 2): "205", (4, 5, 4): "306"}
 
 
 def plain_decimal(value: float) -> str:
-    """A number, exactly, in plain decimal notation, the only one that the format allows."""
+    """A number, exactly, in plain decimal notation, as the format demands."""
     text = f"{Decimal(repr(float(value))):f}"
     text = text.rstrip("0").rstrip(".") if "." in text else text
     return "0" if text == "-0" else text

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem, PlanningProblemSet
     from commonroad.scenario.scenario import Scenario as CommonRoadScenario
 
-#: A scenario: one that was read, the path of a CommonRoad file, the name of a shipped scenario, or an object of
+#: A scenario: a `Scenario`, the path of a CommonRoad file, the name of a shipped scenario, or an object of
 #: commonroad-io, alone or as a pair with its planning problems or one of them.
 ScenarioSpec: TypeAlias = (
     "Scenario | str | os.PathLike[str] | CommonRoadScenario "
@@ -58,11 +58,11 @@ def read_scenario(path: str | os.PathLike[str], *, raw: bool = False) -> Scenari
     lists these cases with the ids of the obstacles.
 
     Recordings are repaired: headings that are off by one angle are turned, and `Scenario.overlaps` lists participants
-    that are in each other (see `interdrive.recordings`).
+    that overlap (see `interdrive.recordings`).
 
     Args:
         path: The file.
-        raw: Leave recordings as the file has them.
+        raw: Read recordings without repairs.
 
     Returns:
         The scenario; `path` and `sha256` are set.
@@ -114,7 +114,7 @@ def scenario_from_commonroad(
     Args:
         scenario: `commonroad.scenario.scenario.Scenario`. It is not changed.
         planning_problems: Its planning problems, or one of them.
-        raw: Leave recordings as the objects have them, as for `read_scenario`.
+        raw: Convert recordings without repairs, as in `read_scenario`.
 
     Returns:
         The scenario; `path` is None. commonroad-io sets values that are missing in the initial state of a file to 0, so
@@ -360,17 +360,17 @@ def open_scenario(spec: ScenarioSpec, *, raw: bool = False) -> Scenario:
 
 
 def join(paths: Sequence[str | os.PathLike[str]], *, raw: bool = False) -> Scenario:
-    """Joins recordings that follow each other in time, such as windows of one long recording.
+    """Joins consecutive recordings, such as windows of one long recording.
 
     Participants with the same id, kind and size continue in the next recording. Planning problems are left out. See
     `interdrive.recordings.joined`.
 
     Args:
         paths: At least two CommonRoad files, in any order.
-        raw: Leave headings as the files have them.
+        raw: Read recordings without repairs.
 
     Returns:
-        The scenario, without path; time steps are those in the names of the files, otherwise they begin at 0.
+        The scenario, without path; its time steps follow the names of the files, or begin at 0.
 
     Raises:
         InputError: A file cannot be read, or the recordings do not belong together; one line that says why.

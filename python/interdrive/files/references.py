@@ -114,7 +114,7 @@ def _references(owner: str, target: str, elements: Iterable[Element]) -> Iterato
 
 
 def _listed(found: Iterable[_Reference], known: dict[str, set[int]]) -> tuple[str, ...]:
-    """A line for each of the first three dangling references to a kind of element, and one that counts the others."""
+    """A line for each of the first three dangling references to a kind of element, and a line that counts the rest."""
     by_target: dict[str, list[str]] = {}
     for owner, target, number in found:
         kind = {"traffic light": "light", "traffic sign": "sign", "incoming": "incoming"}.get(target, "lanelet")

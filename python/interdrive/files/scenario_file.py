@@ -45,7 +45,7 @@ def write_scenario(scenario: Scenario, path: str | os.PathLike[str], *, overwrit
     """Writes a scenario as a CommonRoad 2020a file that `read_scenario` reads as the same scenario.
 
     Roads, lights, stop lines, signs of priority, crosswalks and intersections, recorded traffic and planning problems
-    are written with all digits. What comes from a file keeps that file's roads.
+    are written with all digits. A scenario from a file keeps the roads of that file.
 
     Args:
         scenario: A scenario from a file or made in Python.
@@ -53,8 +53,8 @@ def write_scenario(scenario: Scenario, path: str | os.PathLike[str], *, overwrit
         overwrite: Replace a file that is there.
 
     Raises:
-        InputError: The format cannot hold a part of the scenario; one line that names it and says what would be
-            possible. The file exists or cannot be written; nothing is changed then.
+        InputError: The format cannot hold a part of the scenario; one line names it and says what is possible. Or the
+            file exists or cannot be written; nothing is changed then.
     """
     target = resolved(Path(path))
     if target.suffix.lower() != ".xml":

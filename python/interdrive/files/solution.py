@@ -63,15 +63,15 @@ def write_solution(
         run: A run whose agents are all planning problems of its scenario (`agents="problems"`), all solved.
         cost: Cost function, one of `COSTS`.
         model: Vehicle model: "KS" (kinematic single-track), "ST" (single-track) or "PM" (point mass).
-        vehicle: Vehicle type, 1 to 4; by default the one that was driven (setting `agents.vehicle_type`).
-        date: When it was computed; left out by default. Parts of seconds are dropped.
-        processor: Name of the processor that computed it; left out by default.
+        vehicle: Vehicle type, 1 to 4; None: the driven type (setting `agents.vehicle_type`).
+        date: Date of the computation, without fractions of seconds; None: left out.
+        processor: Name of the processor of the computation; None: left out.
 
     Returns:
         The document. Equal runs give equal bytes.
 
     Raises:
-        InputError: An unknown cost function, model or vehicle type; agents that are no planning problems or drove
+        InputError: An unknown cost function, model or vehicle type; agents that are not planning problems or drove
             another vehicle; a problem without agent or not solved; a benchmark id that solutions cannot name; headings
             that were turned when the file was read.
     """
@@ -143,7 +143,7 @@ def _driven_type(run: RunRecord, agent: AgentRecord, wanted: int | None) -> int:
     """The vehicle type whose footprint an agent had.
 
     Raises:
-        InputError: It is no type, or not the one that is wanted.
+        InputError: It is not a vehicle type, or not the requested one.
     """
     states = run.states
     row = int(np.searchsorted(states.participant_id, agent.id))

@@ -169,7 +169,7 @@ def _document(scenario: Scenario, header: Header, elements: Sequence[str]) -> by
 
 
 def _rounded(value: float) -> str:
-    """A number of a state in plain decimal notation, the only one that the format allows."""
+    """A number of a state in plain decimal notation, as the format demands."""
     text = f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 

@@ -37,7 +37,7 @@ class Failure:
     traceback: str = ""
 
 
-#: The arrays of a plan for `Plans.set`, or why there are none.
+#: The arrays of a plan for `Step.set` of the core, or why there are none.
 Answer = tuple[Any, ...] | Failure
 
 

@@ -81,7 +81,7 @@ _KINDS = {
 
 
 def stated(trajectory: object) -> Any:  # noqa: ANN401 - the last two may be None
-    """The arrays of a trajectory, for `Plans.set`: x, y, orientation, velocity, acceleration, yaw_rate.
+    """The arrays of a trajectory, for `Step.set` of the core: x, y, orientation, velocity, acceleration, yaw_rate.
 
     Raises:
         InputError: The object is not a trajectory, or a field does not hold real numbers.

@@ -60,10 +60,10 @@ class Frenetix:
         level: Fineness of the sampling, 0 to 4: 48, 180, 800, 3564, 12716 samples.
         horizon: Length of a plan.
         t_min: Shortest time in which a manoeuvre ends.
-        d_max: Lateral end positions are within this distance of the reference path.
+        d_max: Largest lateral distance of end positions from the reference path.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time.
-        prediction_margin_length: Predicted participants are longer by this, in all.
-        prediction_margin_width: Predicted participants are wider by this, in all.
+        prediction_margin_length: Total length added to predicted participants.
+        prediction_margin_width: Total width added to predicted participants.
         rear_cone_angle: Opening angle of the cone behind the agent ...
         rear_cone_distance: ... in which participants further away than this are not considered at all.
         arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than

@@ -67,7 +67,7 @@ def _planner(path: Path, _changed: int, _size: int) -> _core.Planner:
 
 def _check_layout(metadata: dict[str, str], observation: ObservationSettings) -> None:
     if metadata.get("layout") != layout_hash(observation):
-        raise InputError("it observes something else than this version; train it again")
+        raise InputError("its observation differs from that of this version; train it again")
 
 
 def _told(metadata: dict[str, str], name: str) -> Any:  # noqa: ANN401 - any JSON value

@@ -56,12 +56,12 @@ class Reactive:
         level: Finest sampling, 1 to 3; finer levels are tried only as long as there is no trajectory without contact.
         horizon: Length of a plan; beyond the end of the predictions the way is free.
         t_min: Shortest time in which a manoeuvre ends.
-        d_max: Lateral end positions are within this distance of the reference path.
+        d_max: Largest lateral distance of end positions from the reference path.
         low_velocity: Below this speed lateral motion is planned over arc length instead of time.
         deceleration_ratio: Speeds are sampled down to the speed that braking at this share of the largest deceleration
             leaves after the horizon; twice the library's value, whose horizon is twice as long.
-        collision_mode_probability: Modes with at least this probability must not be hit; the most probable one
-            always counts.
+        collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most probable
+            mode always counts.
         arrive_in_time: Aim for the speed that brings the agent to its goal in time; false: for the middle of the goal's
             speeds, as the library does.
         arrival_reserve: The agent aims to reach its goal in the middle of the goal's time interval, but no earlier than
@@ -222,7 +222,7 @@ def _asked(planner: Any, level: int | None = None) -> Any:  # noqa: ANN401 - Rea
 
 
 def _edges(view: View) -> Any:  # noqa: ANN401 - pycrcc.ShapeGroup
-    """The edges of the road as thin boxes, without those that the agent's footprint touches at its start."""
+    """The edges of the road as thin boxes, without boxes that the agent's footprint touches at its start."""
     ego, edges = view.ego, view.ego.road_edges
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
     middle, length = start + 0.5 * along, np.hypot(along[:, 0], along[:, 1])

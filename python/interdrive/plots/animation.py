@@ -66,7 +66,7 @@ def animate_run(
         on_frame: Called after every frame with the number of frames done and in all.
 
     Raises:
-        InputError: The chosen agent is not one of the run, or fps is not positive.
+        InputError: The chosen agent is not an agent of the run, or fps is not positive.
         ResultsError: The file cannot be written.
         MissingExtraError: MP4 without ffmpeg.
     """
@@ -74,7 +74,7 @@ def animate_run(
     if not fps > 0:
         raise InputError(f"fps must be positive, not {fps}")
     if agent_id is not None and agent_id not in {agent.id for agent in run.agents}:
-        raise InputError(f"agent {agent_id} is not one of the run")
+        raise InputError(f"agent {agent_id} is not in the run")
     stage = Stage(run, agent_id, follow=agent_id is not None if follow is None else follow)
     rate = min(fps, 1.0 / run.scenario.dt)
     n_frames = max(1, round((run.states.n_steps - 1) * run.scenario.dt * rate) + 1)

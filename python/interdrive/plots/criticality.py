@@ -41,7 +41,7 @@ def draw_criticality(found: Criticality, participant_id: int, *, color: str = AG
         A matplotlib figure without pyplot; `save_figure` writes it.
 
     Raises:
-        InputError: The vehicle was not judged.
+        InputError: The vehicle was not evaluated.
     """
     row = found.row(participant_id)
     rows = -(-len(MEASURES) // _COLUMNS)

@@ -40,7 +40,7 @@ def draw_figure(
         columns: Width: one is 88 mm, two are 180 mm; by default what suits the kind.
 
     Raises:
-        InputError: No such kind; an id that is no agent of the run; too many agents for lines; an impossible width.
+        InputError: No such kind; an id that is not an agent of the run; too many agents for lines; an impossible width.
     """
     if columns not in (None, 1, 2):
         raise InputError(f"columns must be 1 or 2, not {columns!r}")

@@ -66,7 +66,7 @@ def chosen_agents(run: RunRecord, agents: Sequence[int] | None, most: int | None
     known = [agent.id for agent in run.agents]
     for number in agents or ():
         if number not in known:
-            raise InputError(f"agent {number} is not one of the run; its agents are {', '.join(map(str, known))}")
+            raise InputError(f"agent {number} is not in the run; its agents are {', '.join(map(str, known))}")
     shown = known if agents is None else sorted(set(agents))
     if not shown:
         raise InputError(f"{run.scenario.name}: there is no agent to draw")
@@ -87,7 +87,7 @@ def draw_trajectories(run: RunRecord, agents: Sequence[int] | None = None, *, co
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: An id that is no agent of the run.
+        InputError: An id that is not an agent of the run.
     """
     shown = chosen_agents(run, agents)
     kept = np.isin(run.outcomes.agent_id, shown)
@@ -120,7 +120,7 @@ def draw_velocity(run: RunRecord, agents: Sequence[int] | None = None, *, column
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: An id that is no agent of the run, or more than `LINES_MAX` agents.
+        InputError: An id that is not an agent of the run, or more than `LINES_MAX` agents.
     """
     shown = chosen_agents(run, agents, LINES_MAX)
     first = run.states.first_time_step
@@ -150,7 +150,7 @@ def draw_measures(
         columns: Width: 1 (88 mm) or 2 (180 mm).
 
     Raises:
-        InputError: A participant that was not judged, an unknown measure, or more than `LINES_MAX` agents.
+        InputError: A participant that was not evaluated, an unknown measure, or more than `LINES_MAX` agents.
     """
     if len(agents) > LINES_MAX:
         raise InputError(
@@ -189,7 +189,7 @@ def draw_scene(
         columns: Width on paper.
 
     Raises:
-        InputError: An id that is no agent of the run, or a time at which none of them is there.
+        InputError: An id that is not an agent of the run, or a time at which none of them is there.
     """
     shown = chosen_agents(run, agents)
     column = round(time / run.scenario.dt) - run.states.first_time_step
@@ -303,7 +303,7 @@ def _legend_columns(columns: int) -> int:
 
 
 def _styles(known: Sequence[int], shown: Sequence[int]) -> dict[int, dict[str, Any]]:
-    """The line of each shown agent among all those that are known."""
+    """The line of each shown agent among all known agents."""
     return {number: {**line_style(known.index(number)), "linewidth": 1.2} for number in shown}
 
 

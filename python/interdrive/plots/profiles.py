@@ -24,7 +24,7 @@ _LEGEND_ROW, _LEGEND_COLUMNS = 5.0 * MM, 6
 #: Colour and dashes of the runs in their order; told apart without colour, too (colours: Okabe and Ito).
 _STYLES: tuple[tuple[str, Any], ...] = (("#222222", "-"), ("#CC79A7", (0, (4.5, 1.6))), ("#009E73", (0, (1.2, 1.2))))
 
-#: Lateral positions further away than this are left to the scene figure [m]; axes span at least so much [m], [m/s].
+#: Lateral positions further away than this are left to the scene figure [m]; least span of axes [m], [m/s].
 _ASIDE_MAX, _SPAN_MIN = 8.0, 2.0
 
 

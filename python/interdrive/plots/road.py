@@ -30,7 +30,7 @@ ARROW = "#c9c9c9"
 #: Bounds are judged in pieces of this length [m], by looking this far and this little to the side [m].
 _PIECE, _SIDE, _NEAR = 2.0, 0.3, 0.05
 
-#: An arrow of this length every so many metres.
+#: Length of an arrow, and distance between arrows [m].
 _ARROW_LENGTH, _ARROW_EVERY = 1.6, 25.0
 
 

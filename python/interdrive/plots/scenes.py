@@ -40,11 +40,11 @@ _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 #: What is left of a colour in footprints that are not those of the nearest moment.
 _PALE = 0.22
 
-#: An encounter is the time in which the two are so near to each other, centre to centre [m].
-#: If they never are, it is so much time before and after the nearest moment [s].
+#: An encounter is the time in which the two are so near to each other, centre to centre [m]. If they never are, time
+#: before and after the nearest moment [s].
 _NEAR, _AROUND = 20.0, 2.0
 
-#: Panels stand above each other if the view is so many times as wide as it is high.
+#: Ratio of width to height of the view above which panels stand above each other.
 _LYING = 3.5
 
 #: Lowest and highest height / width of a panel that has the figure for itself.
@@ -169,7 +169,7 @@ def _every(scenes: Sequence[Scene], pair: tuple[int, int], view: View) -> float:
 
 
 def _stamps(scene: Scene, pair: tuple[int, int], every: float, view: View) -> list[_Stamp]:
-    """Footprints of both vehicles; of those that would cover each other only the most telling one is kept."""
+    """Footprints of both vehicles; of footprints that would cover each other only the most telling one is kept."""
     states, dt = scene.run.states, scene.run.scenario.dt
     stamps: list[_Stamp] = []
     for place, number in enumerate(pair):

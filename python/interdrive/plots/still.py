@@ -256,7 +256,7 @@ def _legend_handles(run: RunRecord, others: str) -> list[Any]:
 
 
 def _draw_color_bar(figure: Figure, times: Normalize, bottom: float) -> None:
-    """A bar of times whose lower edge is so far above that of the figure [in]."""
+    """A bar of times at a distance above the lower edge of the figure [in]."""
     width, total = figure.get_size_inches()
     place = 1.0 - 47.0 * MM / width, bottom / total, 44.0 * MM / width, 1.8 * MM / total
     bar = figure.add_axes(place)

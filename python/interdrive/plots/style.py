@@ -123,7 +123,7 @@ def empty_figure(width: float, height: float, **options: Any) -> Figure:  # noqa
 
 
 def plain(axes: Axes, font: float = FONT, *, ticks: int | None = None) -> None:
-    """Quiet axes with a grid; with so many ticks on the vertical one, or as matplotlib likes them."""
+    """Quiet axes with a grid; with a number of ticks on the vertical axis, or matplotlib's choice."""
     axes.grid(visible=True, color=GRID, linewidth=0.5)
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=font - 0.5, length=2.5, width=0.5, pad=2)

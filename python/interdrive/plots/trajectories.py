@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from interdrive.plots.view import Floats
     from interdrive.run import Plans, RunRecord
 
-#: The least probable mode keeps so much of its strength.
+#: Opacity of the least probable mode.
 _FAINTEST = 0.15
 
 
@@ -42,7 +42,7 @@ def ellipse_rings(means: Floats, covariance: Floats, mass: float) -> Floats:
         mass: Between 0 and 1.
 
     Returns:
-        Shape (ellipses, 24, 2), in the order of the means; those that are not numbers are left out.
+        Shape (ellipses, 24, 2), in the order of the means, without means that are not numbers.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     Bools = NDArray[np.bool_]
     Ints = NDArray[np.int64]
 
-#: Space around the motion of the agents: this part of its longer side, but at least and at most so many metres.
+#: Space around the motion of the agents: share of its longer side, and least and largest space [m].
 _MARGIN, _MARGIN_MIN, _MARGIN_MAX = 0.06, 6.0, 15.0
 
 #: A turned picture must save this much of the area, or the reader is better off with x to the right.

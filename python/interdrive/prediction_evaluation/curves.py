@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 #: Nominal shares of the calibration curve [%].
 NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90, 95, 99)
-#: Vehicles that calibration is told apart for: all; those that do not stay; those that stand and stay for 3 s.
+#: Groups of vehicles with a calibration of their own: all; moving ones; vehicles that stand and stay for 3 s.
 ALL_VEHICLES, MOVING, STAYING = "all", "moving", "staying"
 
 CALIBRATION_COLUMNS = (

@@ -84,29 +84,31 @@ def evaluate_predictors(
 ) -> PredictionEvaluation:
     """Compares predictions with what recorded vehicles did next.
 
-    Recordings are replayed without agents; at every `every`-th time step each predictor is asked, from present and past
-    alone, and judged for cars, trucks, buses, motorcycles and bicycles that are recorded for at least another second.
-    Where several files show the same vehicle in the same recording, the first of them counts.
+    Recordings are replayed without agents; at every `every`-th time step each predictor predicts from present and past
+    alone, and is evaluated for cars, trucks, buses, motorcycles and bicycles that are recorded for at least another
+    second. If several files contain the same vehicle of the same recording, the first file counts.
 
     Args:
         files: CommonRoad files, folders of them, and names of shipped scenarios.
-        predictors: "all", a choice as `simulate` takes it, or a list of choices; "all" may be among them.
-        every: Time steps between two questions.
+        predictors: "all", a choice as in `simulate`, or a list of choices, which may include "all".
+        every: Number of time steps between predictions.
         settings: Settings, or a mapping of dotted names, for predictors and road; predictor.horizon is 3 s here.
-        split: File that says which recordings are for what (`interdrive.prediction_evaluation.split`), and which
-            category and traffic they have. None: all are taken, with the category of their folder and unknown traffic.
-        part: The part of the split that is judged; the other files are left out.
-        with_timing: Measure how long a call takes, too.
+        split: File that assigns recordings to parts, categories and kinds of traffic
+            (`interdrive.prediction_evaluation.split`). None: use all files, with the category of their folder and
+            unknown traffic.
+        part: The part of the split to evaluate; other files are left out.
+        with_timing: Also measure the time per call.
         workers: Processes that share the files; results do not depend on it. With more than one, scripts need
             `if __name__ == "__main__":`.
-        on_step: Called with what is going on, how much is done, and how much there is.
+        on_step: Called with the current activity, the amount done, and the total.
 
     Returns:
-        Samples with all measures; `table` sums them up.
+        Samples with all measures; `table` summarises them.
 
     Raises:
-        InputError: A file that was named itself, or a predictor, cannot be used; no vehicle can be judged.
-        PredictorError: A predictor raised or returned garbage; one line with its name, time step and file.
+        InputError: A file that was named itself, or a predictor, cannot be used; no vehicle can be evaluated.
+        PredictorError: A predictor raised an exception or returned invalid predictions; one line with its name, time
+            step and file.
     """
     if every < 1:
         raise InputError(f"every must be at least 1, not {every}")
@@ -177,4 +179,7 @@ def _of_part(split: Split, part: str, paths: list[Path]) -> tuple[dict[Path, tup
         raise InputError(f"{split.path}: none of the {len(paths)} files is of the part {part}")
     unknown = sum(place is None for place in places.values())
     others = len(paths) - len(chosen) - unknown
-    return chosen, f"part {part} of {split.path}: {len(chosen)} files; {others} of other parts, {unknown} of no place"
+    return (
+        chosen,
+        f"part {part} of {split.path}: {len(chosen)} files; {others} of other parts, {unknown} without a place",
+    )

@@ -53,7 +53,7 @@ def error_figure(found: PredictionEvaluation) -> Figure:
 def calibration_figure(found: PredictionEvaluation) -> Figure:
     """Observed over nominal share of positions inside regions, all files, 180 mm wide.
 
-    A panel per horizon for vehicles that move, and below for those that stand and stay, if there are any.
+    A panel per horizon for moving vehicles, and below for vehicles that stand and stay, if there are any.
     """
     table = [row for row in calibration_table(found).to_pylist() if (row["category"], row["traffic"]) == (ALL, ANY)]
     shown = [name for name in (MOVING, STAYING) if any(row["samples"] for row in table if row["vehicles"] == name)]

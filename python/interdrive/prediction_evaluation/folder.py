@@ -57,7 +57,7 @@ def save_evaluation(
 
     Args:
         found: What to write.
-        folder: New or empty folder, or one that holds another evaluation.
+        folder: A new or empty folder, or the folder of another evaluation.
         overwrite: Replace the other evaluation. A folder with anything else in it is never touched.
         with_samples: Write samples.parquet, too: every sample of every predictor.
         with_figures: Draw.

@@ -77,7 +77,7 @@ def judged(predicted: Predicted, truth: Floats, now: Floats, dt: float, road: Ro
     """Every measure of every sample, by name; nan where it is not defined.
 
     With h in `HORIZONS`: a mode counts at h if it has a probability and all its steps until then are valid; the
-    probabilities of those that count add up to 1. The measures at h are nan if the recording ends before h, or if no
+    probabilities of the counted modes add up to 1. The measures at h are nan if the recording ends before h, or if no
     mode counts (`answered_h` is 0 then).
 
     Args:

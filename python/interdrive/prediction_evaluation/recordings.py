@@ -83,8 +83,7 @@ class Recording:
 
     def advance(self) -> None:
         """One time step."""
-        scene = self.world.scene()
-        self.world.step(self.world.plan(scene, _no_predictions(scene.time_step)))
+        self.world.advance(self.world.observe())
 
     def moments(self, every: int) -> Iterator[Moment]:
         """Moments at regular time steps, as long as a vehicle has a recorded future of a second."""
@@ -131,22 +130,6 @@ class Recording:
         stays = stands & np.isfinite(ahead).all(axis=1)
         stays[stays] = ahead[stays].max(axis=1, initial=0.0) < STANDING_WAY
         return Moment(scene, row, known, truth, stands, stays)
-
-
-def _no_predictions(time_step: int) -> _core.Predictions:
-    """Empty predictions: a world without agents needs none."""
-    none = np.empty((0, 1, 1))
-    return _core.Predictions(
-        time_step,
-        np.empty(0, dtype=np.int64),
-        np.empty((0, 1)),
-        none,
-        none,
-        none,
-        none,
-        np.empty((0, 1, 1, 2, 2)),
-        np.empty((0, 1, 1), dtype=np.bool_),
-    )
 
 
 def category_of(path: Path) -> str:

@@ -24,7 +24,7 @@ SAME = 1e-3
 
 
 class KnownTracks:
-    """Tracks of the files so far.
+    """Tracks of the files read.
 
     Two tracks are one if there is a shift in time with which they agree wherever both are known, and if they have a
     second in which they move in common. A vehicle that stands all the time was there before if another one stood at the

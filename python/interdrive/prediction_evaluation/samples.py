@@ -75,7 +75,7 @@ class FileSamples:
 
 
 def file_samples(recording: Recording, asked: Sequence[BoundPredictor], every: int) -> FileSamples | None:
-    """Asks predictors at every `every`-th time step; None if no vehicle can be judged.
+    """Asks predictors at every `every`-th time step; None if no vehicle can be evaluated.
 
     Raises:
         PredictorError: A predictor raised or returned garbage.
@@ -146,12 +146,10 @@ class Gathered:
         samples, vehicles, files = self.left_out.tolist()
         if not samples:
             return ()
-        return (
-            f"{samples} samples of {vehicles} vehicles in {files} files are left out: files before them show the same",
-        )
+        return (f"{samples} samples of {vehicles} vehicles in {files} files are left out: earlier files contain them",)
 
     def samples(self) -> Samples:
-        """Everything so far."""
+        """Everything collected."""
         values = {
             name: {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
             for name, parts in self._values.items()

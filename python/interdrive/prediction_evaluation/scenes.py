@@ -51,7 +51,7 @@ _MASS = 0.9
 _DEPARTURE = (2.0, 20.0)
 #: Such vehicles within this distance of the one in their middle are in the picture [m].
 _NEAR = 35.0
-#: Panels stand above each other if the view is so many times as wide as it is high.
+#: Ratio of width to height of the view above which panels stand above each other.
 _LYING = 2.2
 
 
@@ -64,7 +64,7 @@ class ExampleScene:
         recording: Where it happened.
         moment: When.
         predicted: By name of the predictor, for the judged vehicles of the moment.
-        row: Places in the moment's rows of the vehicles that the picture is about: those that turn, brake or start.
+        row: Places in the moment's rows of the vehicles that the picture is about, which turn, brake or start.
     """
 
     category: str
@@ -160,7 +160,7 @@ def _now(moment: Moment) -> np.ndarray:
 
 
 def _draw_bodies(axes: Axes, scene: ExampleScene, view: View) -> None:
-    """Footprints of all present participants; those that are not evaluated are pale."""
+    """Footprints of all present participants, pale where they are not evaluated."""
     now, obstacles = scene.moment.scene, scene.recording.scenario.obstacles
     shapes = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
     about = set(now.ids[scene.moment.row[scene.row]].tolist())

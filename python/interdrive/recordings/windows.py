@@ -84,7 +84,7 @@ def joined(recordings: Sequence[Scenario], *, raw: bool = False) -> Scenario:
 
     Args:
         recordings: At least two, in any order, read with `raw=True`.
-        raw: Leave headings as the files have them.
+        raw: Read recordings without repairs.
 
     Returns:
         The scenario; `path` is None, `notes` says how many participants continue, and what was cut or left out.
@@ -297,7 +297,7 @@ def _tracks(windows: Sequence[_Window], angle: float) -> tuple[list[_Track], lis
 
 
 def _part(window: _Window, row: int, *, is_static: bool) -> _Track:
-    """An obstacle of one window; a static one that is not there all the time stands while it is."""
+    """An obstacle of one window; a static obstacle that is present for a part of the time stands then."""
     obstacles = window.scenario.obstacles
     steps = np.flatnonzero(obstacles.valid[row])
     values = np.array([getattr(obstacles, name)[row, steps] for name in STATE_FIELDS])

@@ -225,7 +225,7 @@ def _swung_out(off_lanelets: float) -> str:
 
 
 def _body(run: RunRecord, row: int) -> list[Floats] | None:
-    """Outlines of a participant that is no plain rectangle about its centre; None for one that is."""
+    """Outlines of a participant that is not a plain rectangle about its centre, otherwise None."""
     obstacles = run.scenario.obstacles
     at = np.flatnonzero(obstacles.ids == run.states.participant_id[row])
     if not len(at):

@@ -95,7 +95,7 @@ def _placed(run: RunRecord, table: ArrowTable) -> _Entries:
 
 
 def rows_of(run: RunRecord, ids: Ints) -> Ints:
-    """Rows of the states for participant ids; -1 for those that are none."""
+    """Rows of the states for participant ids; -1 for ids without a row."""
     known = run.states.participant_id
     at = np.searchsorted(known, ids).clip(max=max(0, len(known) - 1))
     found: Ints = np.where(known[at] == ids, at, -1) if len(known) else np.full_like(ids, -1)

@@ -18,7 +18,7 @@ def made_at(steps: Ints, lengths: Ints, replan_every: int) -> Ints:
     Args:
         steps: Time steps of all its plans, ascending, shape (plans,).
         lengths: Their numbers of points, shape (plans,).
-        replan_every: A plan is followed for so many time steps, if it is long enough.
+        replan_every: Number of time steps for which a plan is followed, if it is long enough.
 
     Returns:
         Time steps, shape (plans,).

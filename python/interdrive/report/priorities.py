@@ -23,7 +23,7 @@ STOP, GIVE_WAY, PRIORITY = range(3)
 
 _ONCOMING = PRECEDENCE.index("left turns wait")
 
-#: Signs stand so far beside the lane [m].
+#: Distance of signs beside the lane [m].
 _ASIDE = 1.2
 
 #: Resolutions: positions [m], headings [rad].

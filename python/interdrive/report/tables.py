@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 #: Resolutions: positions [m], headings [rad], speeds [m/s] and accelerations [m/s²].
 _METRE, _RADIAN, _SPEED = 0.01, 0.001, 0.01
 
-#: Road is shown so far around all participants [m]; points of plans are so far apart [s].
+#: Distance around all participants within which road is shown [m]; spacing of the points of plans [s].
 _AROUND, _PLAN_SPACING = 150.0, 0.3
 
 

@@ -108,7 +108,7 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
 
     Args:
         run: The run to write.
-        folder: New or empty folder, or one that holds another run.
+        folder: A new or empty folder, or the folder of another run.
         overwrite: Replace the other run. A folder with other contents is never touched.
 
     Raises:
@@ -191,7 +191,7 @@ def check_target(folder: str | Path, *, overwrite: bool = False) -> Path:
     """The folder a run can be saved to, as an absolute path; useful before a long simulation.
 
     Args:
-        folder: New or empty folder, or one that holds another run.
+        folder: A new or empty folder, or the folder of another run.
         overwrite: Another run in it may be replaced.
 
     Raises:

@@ -62,7 +62,7 @@ def agent_named(run: RunRecord, agent_id: int) -> AgentRecord:
     """The agent with an id.
 
     Raises:
-        InputError: There is none; the line lists those that there are.
+        InputError: There is no such agent; the line lists the agents.
     """
     found = next((agent for agent in run.agents if agent.id == agent_id), None)
     if found is None:

@@ -30,7 +30,7 @@ def digest(states: States) -> str:
 
 
 def outcomes_of(raw: dict[str, Any], planners: dict[int, str], tracebacks: dict[int, str]) -> Outcomes:
-    """Outcomes of all agents, from the core's table, with the names of planners and tracebacks of those that failed."""
+    """Outcomes of all agents, from the core's table, with the names of planners and the tracebacks of failed ones."""
     return Outcomes(
         agent_id=raw["agent_id"],
         planner=tuple(planners[i] for i in raw["agent_id"].tolist()),
@@ -66,7 +66,7 @@ def agent_record(agent: Agent, planner: str) -> AgentRecord:
     )
 
 
-def timings_of(rows: list[tuple[int, tuple[float, ...]]]) -> Timings:
+def timings_of(rows: list[tuple[int, list[float]]]) -> Timings:
     """Wall times in long form, from one row of phases per time step."""
     return Timings(
         time_step=np.repeat(np.array([time_step for time_step, _ in rows], dtype=np.int64), len(PHASES)),

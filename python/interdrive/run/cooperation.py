@@ -53,7 +53,7 @@ def cooperation_notes(settings: V2xSettings, equipped: Sequence[int], plans: Pla
     arrival = max(1, int(np.ceil(settings.delay / dt - 1e-9))) * dt
     if arrival > settings.age_max + 1e-9:
         notes.append(
-            f"v2x.delay: messages arrive after {arrival:g} s and are forgotten after {settings.age_max:g} s"
+            f"v2x.delay: messages arrive after {arrival:g} s and are discarded after {settings.age_max:g} s"
             " (v2x.age_max): no message can ever be used"
         )
     lengths = np.isfinite(plans.x).sum(axis=1) if plans.x.size else np.empty(0, dtype=np.int64)

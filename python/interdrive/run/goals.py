@@ -49,7 +49,7 @@ class _Moment:
 def approach(run: RunRecord, agent: AgentRecord) -> Approach:
     """How near the agent came to its goal: which condition was not met in its area, or the distance that was left.
 
-    Of several visits and alternatives it is the one that missed the fewest conditions by the least.
+    Of several visits and alternatives, the visit that missed the fewest conditions by the least.
 
     Returns:
         For instance "in the goal area from 9.6 to 9.8 s, heading 36° off (29° allowed)", or "14.2 m before the goal

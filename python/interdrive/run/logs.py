@@ -94,14 +94,14 @@ class CandidateLog:
         self._stride, self._count, self._threads = max(1, round(_SPACING / dt)), count, threads
         self._rows: list[tuple[int, int, Floats, list[str], NDArray[np.bool_], Floats, Floats]] = []
 
-    def add(self, world: _core.World, scene: _core.Scene, predictions: _core.Predictions, plans: _core.Plans) -> None:
+    def add(self, world: _core.World, step: _core.Step) -> None:
         """Keeps the candidates of agents with new plans, if they are due."""
-        carried_over = (plans.status == PLAN_STATUS.index("planned")) & np.isnan(plans.cost)
-        new = plans.ids[~carried_over].tolist()
+        carried_over = (step.status == PLAN_STATUS.index("planned")) & np.isnan(step.cost)
+        new = step.ids[~carried_over].tolist()
         agents = [agent for agent in new if self._next.get(agent, world.time_step) <= world.time_step]
         self._next |= dict.fromkeys(agents, world.time_step + self._every)
         with ThreadPoolExecutor(self._threads) as pool:
-            every = list(pool.map(lambda agent: world.candidates(agent, scene, predictions), agents))
+            every = list(pool.map(lambda agent: world.candidates(agent, step), agents))
         for agent, found in zip(agents, every, strict=True):
             if found is None or not len(found["cost"]):
                 continue

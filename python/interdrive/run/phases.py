@@ -314,7 +314,7 @@ def _extents(run: RunRecord, path: Floats, row: int, rows: Ints, column: int) ->
 
 
 def _thinned(path: Floats) -> Floats:
-    """Every so many points of a path, about a metre apart."""
+    """Points of a path about a metre apart."""
     spacing = float(np.hypot(*np.diff(path[:2], axis=0).T).sum()) if len(path) > 1 else 0.0
     return path[:: max(1, round(_PATH_SPACING / spacing))] if spacing > 0.0 else path
 

@@ -46,7 +46,7 @@ _NAMED = ("pedestrian", "bicycle", "motorcycle", "train")
 
 
 def reasons(run: RunRecord, road: _core.RoadNetwork) -> tuple[str, ...]:
-    """One sentence per agent, in the order of `run.outcomes`; "" for those that reached their goal.
+    """One sentence per agent, in the order of `run.outcomes`; "" for agents that reached their goal.
 
     Args:
         run: The run; its outcomes need no reasons.
@@ -188,7 +188,7 @@ def said_line(phase: Phase) -> str:
 def said_order(run: RunRecord, kind: str, by: int) -> str:
     """Where an agent was told to wait, and why."""
     name = said_name(run, by) if by >= 0 else "others"
-    said = {"exit": f"no room behind it, because of {name}", "unseen": "it did not see whether others came"}
+    said = {"exit": f"no room behind it, because of {name}", "unseen": "it could not see whether others came"}
     why = said.get(kind, f"it gave way to {name}")
     return f"before a {'crosswalk' if kind == 'crosswalk' else 'junction'}: {why}"
 

@@ -370,7 +370,7 @@ class Messages(Tabular):
         time_step: Time step of sending, shape (rows,). sender_id: Its sender.
         service: Index into `SERVICES`.
         bytes: Size [B]. objects: Number of objects in it. points: Number of points of its plan.
-        in_range: Number of receivers in range. received: Number of those that it reaches.
+        in_range: Number of receivers in range. received: Number of receivers that it reaches.
         receiver_id: A receiver in range; -1 in the row of the message itself.
         arrived: Time step of arrival there; -1: lost, or the row of the message itself.
         distance: Distance of the receiver [m]; nan in the row of the message itself.

@@ -41,9 +41,9 @@ class AgentSettings:
     """Which recorded vehicles can become agents, and what planning problems drive.
 
     Attributes:
-        min_displacement: A vehicle must get at least this far away from its start.
-        vehicle_type: CommonRoad vehicle type that planning problems drive: 1 (Ford Escort), 2 (BMW 320i),
-            3 (VW Vanagon), 4 (truck). 0: the recorded vehicle at their start, otherwise type 2.
+        min_displacement: Smallest distance that a vehicle must get away from its start.
+        vehicle_type: CommonRoad vehicle type of planning problems: 1 (Ford Escort), 2 (BMW 320i), 3 (VW Vanagon), 4
+            (truck). 0: the recorded vehicle at their start, otherwise type 2.
     """
 
     min_displacement: Annotated[float, "m"] = 10.0
@@ -59,14 +59,14 @@ class GoalSettings:
     """Goals derived from recordings: the section of lane around the last recorded state.
 
     Attributes:
-        length_before: The section begins this far before the last recorded position.
-        length_after: It ends this far behind it.
-        time_early: The agent may arrive this much earlier than recorded; inf: arbitrarily early.
-        time_late: The agent is late if it arrives more than this after the recorded time.
+        length_before: Length of the section before the last recorded position.
+        length_after: Length of the section after the last recorded position.
+        time_early: How much earlier than recorded the agent may arrive; inf: at any time.
+        time_late: How much later than recorded the agent may arrive without being late.
         velocity_tolerance: Allowed difference from the last recorded speed.
-        limit_share: No goal demands more than this share of the speed limit there, whatever `rules.speed_factor` is and
-            however fast the recording; inf: the limit does not count.
-        orientation_tolerance: Allowed difference from the lane's direction there.
+        limit_share: Largest share of the local speed limit that a goal may demand, whatever `rules.speed_factor` and
+            the recorded speed; inf: no bound.
+        orientation_tolerance: Allowed difference from the direction of the lane.
     """
 
     length_before: Annotated[float, "m"] = 5.0
@@ -198,7 +198,7 @@ def select(
         except InputError as error:
             if explicit:
                 raise
-            notes.append(f"{error}; it stays recorded" if proposal.origin == "recorded" else str(error))
+            notes.append(f"{error}; it replays its recording" if proposal.origin == "recorded" else str(error))
             if isinstance(agents, int):
                 spare = [p for p in _order(proposals, seed) if p not in chosen]
                 if spare:

@@ -64,7 +64,7 @@ def _links(lanelets: Lanelets) -> Iterator[str]:
     for overlap, before, after in _largest(overlaps):
         yield f"lanelet {ids[after]} begins {round(overlap, 1):g} m before the end of {ids[before]}"
     if len(overlaps) > _NAMED:
-        yield f"{len(overlaps) - _NAMED} more lanelets begin before the end of the one that leads to them"
+        yield f"{len(overlaps) - _NAMED} more lanelets begin before the end of their predecessor"
 
 
 def _shapes(lanelets: Lanelets) -> Iterator[str]:

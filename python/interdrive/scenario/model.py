@@ -270,7 +270,7 @@ class Scenario:
         crosswalks: Lanelets on which people cross the road, ascending ids.
         raw: Its recordings were not repaired, see `interdrive.read_scenario`.
         turned: Angle by which all headings were turned when the file was read [rad].
-        overlaps: Pairs of ids of recorded participants that are in each other at some time; ascending.
+        overlaps: Pairs of ids of recorded participants that overlap at some time; ascending.
     """
 
     name: str
@@ -293,7 +293,7 @@ class Scenario:
 
     @property
     def overlapping(self) -> frozenset[int]:
-        """Ids of the recorded participants of `overlaps`; they are not judged."""
+        """Ids of the recorded participants of `overlaps`, which are not scored."""
         return frozenset(number for pair in self.overlaps for number in pair)
 
     def __repr__(self) -> str:

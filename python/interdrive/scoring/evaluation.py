@@ -50,7 +50,7 @@ FACTORS = ("alive", "fault", "road", "direction", "progress_min")
 #: A fault against these counts half: things, not participants in traffic.
 _THINGS = ("construction_zone", "structure")
 
-#: Lane keeping: at most so far from the reference path [m].
+#: Lane keeping: largest distance from the reference path [m].
 _LANE_KEEPING = 0.5
 
 #: Values above this are not worth a word.
@@ -65,10 +65,10 @@ class Score:
 
     Attributes:
         ids: Agents.
-        score: From 0 to 1, with excuses for what the recording of the same vehicle does itself.
-        score_strict: The same without excuses.
+        score: From 0 to 1; a term does not count if the recording of the same vehicle fails it, too.
+        score_strict: From 0 to 1; every term counts.
         terms: By name: `progress`, `ttc_term`, `speed_term`, `comfort_term`, `direction`, `lane_keeping` from 0 to 1,
-            nan where they cannot be told; `straight_ttc_min` [s], inf without a contact; `room` [m], nan without one.
+            nan where unknown; `straight_ttc_min` [s], inf without a contact; `room` [m], nan without a contact.
         fault: Whether a collision with another participant was the agent's fault.
         fault_kind: One of `FAULT_KINDS`; "" without a fault.
         fault_nuplan: nuPlan's verdict, for comparison.
@@ -114,7 +114,7 @@ class Score:
             InputError: It was not scored.
         """
         row = self.row(agent_id)
-        return "; ".join(self.reasons[row]) or "nothing to complain about"
+        return "; ".join(self.reasons[row]) or "full score"
 
 
 def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSettings | None = None) -> Score:
@@ -122,11 +122,11 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.
-        ids: Agents; by default all but those whose recordings are in others (`Scenario.overlaps`).
+        ids: Agents; None: all whose recordings overlap no others (`Scenario.overlaps`).
         settings: Bounds, weights and reactions; the defaults otherwise.
 
     Raises:
-        InputError: An id that is no agent of the run.
+        InputError: An id that is not an agent of the run.
     """
     chosen = settings or ScoringSettings()
     known = run.outcomes.agent_id
@@ -134,7 +134,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     wanted = np.array(sorted(set(known.tolist() if ids is None else ids) - set(left_out)), dtype=np.int64)
     strangers = [number for number in wanted.tolist() if number not in known]
     if strangers:
-        raise InputError(f"score: {strangers[0]} is no agent of this run")
+        raise InputError(f"score: {strangers[0]} is not an agent of this run")
     site = site_of(run, run.settings.get("settings") or {})
     simulated = traffic(site, run)
     lengths = dict(zip(run.states.participant_id.tolist(), run.states.length.tolist(), strict=True))
@@ -147,7 +147,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
         notes.append(f"not scored, because their recordings overlap those of others: {named}")
     is_original = _has_recording(run)
     if not is_original:
-        notes.append("the scenario file is gone or has changed: no recording to compare with, no excuses")
+        notes.append("the scenario file is gone or has changed: no recording to compare with, so every term counts")
     rows = [
         _Agent(run, site, simulated, number, is_original).judged(time, partner, judged.get(number), chosen)
         for number, time, partner in zip(wanted.tolist(), times, partners, strict=True)
@@ -189,7 +189,7 @@ def total(factors: Mapping[str, float], terms: Mapping[str, float], weights: Map
 
 
 def _has_recording(run: RunRecord) -> bool:
-    """The scenario is the one that was simulated: a run folder keeps its own without the recordings of agents."""
+    """Whether the scenario is the simulated one: a run folder keeps a copy without the recordings of agents."""
     path = run.scenario.path
     return path is None or not (path.name == "scenario.xml" and (path.parent / "run.json").exists())
 
@@ -371,5 +371,6 @@ def _reasons(
     if verdict is not None and not verdict.kind:
         found.append(f"collision at {said_seconds(verdict.time_step, dt)} s, not its fault: {verdict.words}")
     if excused:
-        found.append(f"excused, as the recording is no better: {', '.join(TERMS.get(name, name) for name in excused)}")
+        named = " and ".join(TERMS.get(name, name) for name in excused)
+        found.append(f"{named} not counted: the recorded driver was no better")
     return tuple(found)

@@ -95,7 +95,7 @@ def verdicts(
 
 
 def _at_crossing(verdict: Verdict, broken: Violations, who: int, whom: int, dt: float, time: float) -> Verdict:
-    """The same where ways cross: the one that had to yield is at fault, and the other one did not come too late."""
+    """The same where ways cross: the vehicle that had to yield is at fault, unless the other one came too late."""
     own, others = (
         _last_violation(broken, number, other, verdict, dt, time) for number, other in ((who, whom), (whom, who))
     )

@@ -92,18 +92,18 @@ class ReactionSettings:
 
 @dataclass(frozen=True)
 class ScoringSettings:
-    """What can be chosen; the defaults are those of docs/reference/scoring.md.
+    """Settings of scores; docs/reference/scoring.md explains them.
 
     Attributes:
         comfort: Bounds of comfort.
         weights: Weights of the terms.
-        reaction: What drivers are asked to do before a contact.
-        ttc_bound: The time to contact straight on has to stay above this.
-        ttc_horizon: Contacts later than this are none.
-        overspeed: So much too fast all the time makes the speed term 0.
-        progress_min: Less progress makes the score 0.
-        yield_time: A light, stop sign or right of way disregarded so long before a contact at a crossing decides whose
-            fault it is.
+        reaction: What drivers are expected to do before a contact.
+        ttc_bound: Bound above which the time to contact straight on must stay.
+        ttc_horizon: Time ahead within which contacts count.
+        overspeed: Constant excess of the speed limit at which the speed term is 0.
+        progress_min: Progress below which the score is 0.
+        yield_time: Time before a contact at a crossing within which disregarding a light, a stop sign or right of way
+            decides whose fault it is.
     """
 
     comfort: ComfortBounds = field(default_factory=ComfortBounds)

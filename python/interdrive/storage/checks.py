@@ -72,7 +72,7 @@ def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] 
         known = texts.to_pylist() if labels is None else [None, *labels]
         unknown = [text for text in texts.to_pylist() if text not in known]
         if unknown:
-            raise Damage(f"{about.name}: {unknown[0]!r} is none of {', '.join(labels or ())}")
+            raise Damage(f"{about.name}: {unknown[0]!r} is not one of {', '.join(labels or ())}")
     elif column.null_count and not about.nullable:
         raise Damage(f"{about.name}: a value is missing")
     elif about.kind == "integer":

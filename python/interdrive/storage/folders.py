@@ -259,7 +259,7 @@ def _locked(claim: Path) -> Locks | None:
 
 
 def _moved_to_a_free_name(partial: Path, target: Path) -> Path:
-    """Gives a finished folder the name `target`, or the next one that is free, and returns it."""
+    """Gives a finished folder the name `target`, or the next free name, and returns it."""
     free = (candidate for candidate in _numbered(target) if not os.path.lexists(candidate))
     while True:
         candidate = next(free)

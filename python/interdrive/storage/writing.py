@@ -110,7 +110,7 @@ def written_beside(target: Path, move: Callable[[Path, Path], None]) -> Iterator
 
 @contextmanager
 def parents_of(target: Path) -> Iterator[None]:
-    """Makes the missing folders above `target`; those that are still empty in the end are removed."""
+    """Makes the missing folders above `target`; folders that are still empty in the end are removed."""
     created: list[Path] = []
     try:
         for parent in reversed([parent for parent in target.parents if not parent.exists()]):

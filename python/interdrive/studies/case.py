@@ -37,19 +37,20 @@ def case_study(
     Args:
         scenario: See `interdrive.ScenarioSpec`.
         agent: Id of a planning problem or recorded vehicle, which always plans.
-        other: Id of a recorded vehicle, whose behaviour is varied.
-        planner: Of the agent and, in the interactive degree, of the other vehicle; see `interdrive.PlannerSpec`.
-        predictor: Of both; see `interdrive.PredictorSpec`.
+        other: Id of the recorded vehicle whose behaviour is varied.
+        planner: Planner of the agent and, in the interactive degree, of the other vehicle; see
+            `interdrive.PlannerSpec`.
+        predictor: Predictor of both; see `interdrive.PredictorSpec`.
         settings: Settings, or a mapping of dotted names.
-        threads: Threads that plan; the number of cores otherwise. Results do not depend on it.
-        on_step: Called after every step with time step, agents driving, agents in all, latest possible time step.
+        threads: Number of planning threads; None: the number of cores. Results do not depend on it.
+        on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 
     Returns:
         The finished runs.
 
     Raises:
-        InputError: Anything about the input that cannot be used, in one line, before anything is simulated.
-        PredictorError: The predictor raised or returned garbage.
+        InputError: The input cannot be used; one line, before anything is simulated.
+        PredictorError: The predictor raised an exception or returned invalid predictions.
     """
     if agent == other:
         raise InputError(f"agent {agent} and the other vehicle must be two vehicles")

@@ -58,7 +58,7 @@ def save_study(
 
     Args:
         studies: What to write; their names must differ.
-        folder: New or empty folder, or one that holds another study.
+        folder: A new or empty folder, or the folder of another study.
         overwrite: Replace the other study. A folder with anything else in it is never touched.
         on_case: Called with the name of every case before it is written.
 

@@ -30,7 +30,7 @@ class CaseStudy:
         agent: Id of the vehicle that always plans.
         other: Id of the vehicle whose behaviour is varied.
         planner: Name of the planner of the agent and, in the interactive degree, of the other vehicle.
-        runs: One per degree, in the order of `DEGREES`. In the deterministic run the other vehicle is no agent.
+        runs: One per degree, in the order of `DEGREES`. In the deterministic run the other vehicle is not an agent.
     """
 
     scenario: Scenario

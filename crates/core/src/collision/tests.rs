@@ -151,7 +151,7 @@ fn random_motions_agree_with_dense_sampling() {
         let sampled = (0..=SAMPLES).map(|i| i as f64 / SAMPLES as f64).find(|t| distance(*t) == 0.0);
         let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
         if let Some(found) = found {
-            assert!(distance(found) <= CONTACT, "{round}: apart at the reported contact");
+            assert!(distance(found) <= CONTACT_DISTANCE, "{round}: apart at the reported contact");
         }
         if let Some(sampled) = sampled {
             assert!(found.is_some_and(|found| found <= sampled), "{round}: {found:?} after {sampled}");

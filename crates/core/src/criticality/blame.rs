@@ -11,19 +11,20 @@ use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose, wrap_angle};
 
 /// Ways are wider than footprints by this on each side [m].
-const MARGIN: f64 = 0.1;
+const WAY_MARGIN: f64 = 0.1;
 /// ... and longer by this in front and behind [m]: a contact is found a little before bodies share a point.
 const CONTACT_MARGIN: f64 = 1e-3;
 /// Beyond this difference of headings traffic is oncoming.
-const ONCOMING: f64 = 0.75 * PI;
+const ONCOMING_ANGLE: f64 = 0.75 * PI;
 /// Up to this difference two drive side by side.
-const ALONGSIDE: f64 = 0.25 * PI;
-/// Of two that meet where lanelets cross, the one that turned more within this time before is the one that turns [s].
+const ALONGSIDE_ANGLE: f64 = 0.25 * PI;
+/// Of two vehicles that meet where lanelets cross, the turning one is the vehicle that turned more within this time
+/// before [s].
 const TURN_TIME: f64 = 3.0;
 /// Vehicles slower than this stand [m/s].
-const STANDING: f64 = 0.05;
+const STANDING_SPEED: f64 = 0.05;
 /// Touching within this [m] is touching with the front edge.
-const EDGE: f64 = 2e-3;
+const EDGE_TOLERANCE: f64 = 2e-3;
 
 /// Time [s] and deceleration [m/s²] in which a driver reacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,7 +42,7 @@ impl Reaction {
     }
 }
 
-/// What is asked of the judged agent and of others.
+/// Reactions expected of the judged agent and of others.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlameRequest {
     /// Agent and partner, as ids, the time step of the first states after the contact, and whether the partner drives
@@ -62,7 +63,7 @@ pub enum FaultKind {
     None,
     /// It entered the way of the other one with too little room left.
     CutOff,
-    /// It had room enough to brake for what was in its way.
+    /// It had enough room to brake before the other.
     RanInto,
     /// It met oncoming traffic outside the lanes that lead its way.
     WrongSide,
@@ -108,7 +109,7 @@ impl CollisionType {
     }
 }
 
-/// What is known about one contact.
+/// One contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
     /// Why it is the agent's fault.
@@ -172,7 +173,8 @@ impl Track<'_> {
         self.poses[step..].iter().any(|pose| self.wide.overlaps(*pose, other.shape, other.poses[step]))
     }
 
-    /// What it can still drive along its own track from a step until it would touch the other's footprint there [m].
+    /// Distance that it can still drive along its own track from a step until it would touch the other's footprint
+    /// there [m].
     fn gap(&self, other: &Self, step: usize) -> f64 {
         let mut driven = 0.0;
         for pair in self.poses[step..].windows(2) {
@@ -235,7 +237,7 @@ impl<'a> Pair<'a> {
             let mut speeds: Vec<f64> = (first..column).map(speed).collect();
             poses.push(pose_between(from, to, fraction));
             speeds.push(speed(column - 1) + fraction * (speed(column) - speed(column - 1)));
-            let wide = Shape::rectangle_at(length + 2.0 * CONTACT_MARGIN, width + 2.0 * MARGIN, center, 0.0);
+            let wide = Shape::rectangle_at(length + 2.0 * CONTACT_MARGIN, width + 2.0 * WAY_MARGIN, center, 0.0);
             Track { shape, wide, poses, speeds }
         };
         Ok(Self {
@@ -286,7 +288,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         fault_nuplan,
         is_crossing,
     };
-    if angle > ONCOMING && other_drives && other.speed() > STANDING {
+    if angle > ONCOMING_ANGLE && other_drives && other.speed() > STANDING_SPEED {
         if is_against_the_lane(road, agent.shape, here) {
             return verdict(FaultKind::WrongSide, None);
         }
@@ -301,12 +303,12 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     let into_ours = Pair::entry(other, agent, request.agent);
     let entered = into_theirs.step > 0;
     let is_flank = side == 1 || side == 2;
-    if entered && is_flank && angle < ALONGSIDE && !is_one_lane {
+    if entered && is_flank && angle < ALONGSIDE_ANGLE && !is_one_lane {
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     // One that leaves its lane beside an agent that keeps its own is not cut off, however much faster it is.
     if other_drives
-        && other.speed() > STANDING
+        && other.speed() > STANDING_SPEED
         && into_ours.step >= into_theirs.step
         && !is_within_one_lane(road, other.shape, there)
         && keeps_lane_beside(pair, into_theirs.step)
@@ -315,7 +317,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     }
     // Whoever drives across a lane without a lane of its own there has no way that the lane's traffic could enter.
     let owns_a_way = !other_drives
-        || other.speed().abs() <= STANDING
+        || other.speed().abs() <= STANDING_SPEED
         || is_along_a_lane(road, there)
         || !keeps_its_lane(pair, into_theirs.step);
     let cuts_off = entered && owns_a_way && into_theirs.gap < into_theirs.needed;
@@ -327,7 +329,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     let is_front = side == 0;
-    if is_front && agent.speed() > STANDING && into_ours.gap >= into_ours.needed {
+    if is_front && agent.speed() > STANDING_SPEED && into_ours.gap >= into_ours.needed {
         return verdict(FaultKind::RanInto, Some(&into_ours));
     }
     if cuts_off {
@@ -341,7 +343,7 @@ fn keeps_lane_beside(pair: &Pair<'_>, step: usize) -> bool {
     let (agent, road) = (&pair.agent, &pair.traffic.road);
     let theirs = lanes_at(road, pair.other.poses[step].position);
     agent.poses[step..].iter().zip(&pair.other.poses[step..]).all(|(here, there)| {
-        wrap_angle(there.orientation - here.orientation).abs() < ALONGSIDE
+        wrap_angle(there.orientation - here.orientation).abs() < ALONGSIDE_ANGLE
             && is_within_another_lane(road, agent.shape, *here, &theirs)
     })
 }
@@ -383,10 +385,10 @@ fn touching_direction(agent: &Track<'_>, other: &Track<'_>) -> Point {
 
 fn collision_type(agent: &Track<'_>, other: &Track<'_>) -> CollisionType {
     let (here, there) = (agent.contact(), other.contact());
-    if agent.speed().abs() <= STANDING {
+    if agent.speed().abs() <= STANDING_SPEED {
         return CollisionType::StoppedAgent;
     }
-    if other.speed().abs() <= STANDING {
+    if other.speed().abs() <= STANDING_SPEED {
         return CollisionType::StoppedOther;
     }
     let away = there.position - here.position;
@@ -395,9 +397,13 @@ fn collision_type(agent: &Track<'_>, other: &Track<'_>) -> CollisionType {
         return CollisionType::Rear;
     }
     let body = agent.shape.oriented_box(here);
-    let edge = Shape::rectangle(EDGE, 2.0 * body.half_width);
+    let edge = Shape::rectangle(EDGE_TOLERANCE, 2.0 * body.half_width);
     let front = Pose { position: body.center + body.axis * body.half_length, orientation: here.orientation };
-    if edge.distance(front, other.shape, there) <= EDGE { CollisionType::Front } else { CollisionType::Lateral }
+    if edge.distance(front, other.shape, there) <= EDGE_TOLERANCE {
+        CollisionType::Front
+    } else {
+        CollisionType::Lateral
+    }
 }
 
 #[cfg(test)]

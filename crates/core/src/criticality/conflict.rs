@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::evaluation_step::{Decisive, Via};
 use super::overlap::{Area, Overlaps};
-use super::traffic::{ALONG, LaneletTrack, Traffic};
+use super::traffic::{ALONG_ANGLE, LaneletTrack, Traffic};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
@@ -71,7 +71,7 @@ pub(super) struct Encroachment {
     pub is_left_censored: bool,
     pub pet: Decisive,
     pub pet_series: Vec<Decisive>,
-    /// Row of the one that was first in the area of `pet`.
+    /// Row of the participant that was first in the area of `pet`.
     pub pet_first: u32,
     /// Remaining distance to the nearest area that it enters [m], 0 inside, infinite without one; per column.
     pub remaining: Vec<Decisive>,
@@ -250,7 +250,7 @@ impl<'a> Conflicts<'a> {
 }
 
 /// Connectors on the recorded route of a vehicle: driven along, and entered from a lanelet before it or left to one
-/// behind it. Of those that start or end in the same lanelet it is the one that was followed best.
+/// behind it. Among connectors that start or end in the same lanelet, the best followed one counts.
 fn connectors_of(
     traffic: &Traffic,
     track: &LaneletTrack,
@@ -263,7 +263,7 @@ fn connectors_of(
     // Per lanelet: first and last column, number of columns, sum of distances to the centre line.
     let mut visits: BTreeMap<usize, (usize, usize, usize, f64)> = BTreeMap::new();
     for column in (0..traffic.states.n_steps).filter(|column| traffic.is_there(row, *column)) {
-        for here in track.here(column).iter().filter(|here| here.turn.abs() <= ALONG) {
+        for here in track.here(column).iter().filter(|here| here.turn.abs() <= ALONG_ANGLE) {
             let visit = visits.entry(here.lanelet as usize).or_insert((column, column, 0, 0.0));
             (visit.1, visit.2, visit.3) = (column, visit.2 + 1, visit.3 + here.distance);
         }

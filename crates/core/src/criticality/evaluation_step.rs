@@ -1,4 +1,4 @@
-//! One judged vehicle at one time step: the participants around it, which of them count, and what it follows.
+//! One evaluated vehicle at one time step: the participants around it, which of them count, and its leader.
 
 use crate::conduct::STATIONARY_SPEED;
 use std::cell::OnceCell;
@@ -7,12 +7,12 @@ use super::formulas;
 use super::overlap::Overlaps;
 use super::paths::{Path, PathCode, PathSystems, starts};
 use super::settings::{LeadMembership, Settings, ThwMode};
-use super::traffic::{ALONG, Extents, LaneletTrack, Traffic};
+use super::traffic::{ALONG_ANGLE, Extents, LaneletTrack, Traffic};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 
 /// Recorded footprints are this inexact [m]: bodies that overlap less were beside each other.
-const GRAZE: f64 = 0.3;
+const GRAZING_OVERLAP: f64 = 0.3;
 
 /// Everything that does not change from one moment to the next.
 pub(super) struct Context<'a> {
@@ -139,7 +139,7 @@ fn components(size: f64, cos: f64, sin: f64) -> (f64, f64) {
 
 /// A body without the margin by which recordings are inexact.
 fn shrunk(body: &OrientedBox) -> OrientedBox {
-    let inner = |half: f64| (half - 0.5 * GRAZE).max(0.0);
+    let inner = |half: f64| (half - 0.5 * GRAZING_OVERLAP).max(0.0);
     OrientedBox { half_length: inner(body.half_length), half_width: inner(body.half_width), ..*body }
 }
 
@@ -296,7 +296,7 @@ impl<'a> Moment<'a> {
             |time: f64| foot.d - own.d + (velocity.1 - own.velocity.1) * time + 0.5 * acceleration.1 * time * time;
         let (left, right) = (extents.left + own.extents.right, extents.right + own.extents.left);
         let speed = traffic.states.velocity[i];
-        let is_along = cos.abs() >= ALONG.cos() || speed.abs() < STATIONARY_SPEED;
+        let is_along = cos.abs() >= ALONG_ANGLE.cos() || speed.abs() < STATIONARY_SPEED;
         let time = if ttc.is_finite() { ttc.min(settings.ttc_threshold) } else { 0.0 };
         // Oncoming traffic whose lane crosses the path follows its own lane, not the bends of the path.
         let straight = || own.path.curve.project(position + heading * (speed * time), settings.radius);

@@ -7,7 +7,7 @@ pub const STANDSTILL_SPEED: f64 = 1e-3;
 const NO_APPROACH: f64 = 1e-12;
 
 /// Time headway [s]: headway [m] over the speed along the path [m/s] of the vehicle behind. 0 in contact, infinite for
-/// one that stands or reverses.
+/// a standing or reversing vehicle.
 pub fn time_headway(headway: f64, velocity: f64) -> f64 {
     if headway.is_nan() {
         f64::NAN
@@ -51,8 +51,8 @@ pub fn required_acceleration(headway: f64, velocity: f64, leader_acceleration: f
     if required > 0.0 { 0.0 } else { required }
 }
 
-/// As [`required_acceleration`] for a leader that brakes to rest and stays there, if it rests before the gap would
-/// have closed: the follower stops behind it; one that stands or reverses need not brake. Speeds [m/s] along the path.
+/// As [`required_acceleration`] for a leader that brakes to rest and stays there, if it rests before the gap would have
+/// closed: the follower stops behind it; a standing or reversing follower need not brake. Speeds [m/s] along the path.
 pub fn required_acceleration_stopping(headway: f64, follower: f64, leader: f64, leader_acceleration: f64) -> f64 {
     let required = required_acceleration(headway, leader - follower, leader_acceleration);
     if headway == f64::INFINITY || leader_acceleration >= 0.0 || leader < 0.0 {
@@ -70,9 +70,9 @@ pub fn required_acceleration_stopping(headway: f64, follower: f64, leader: f64, 
     }
 }
 
-/// Required lateral acceleration [m/s²], at least 0: the smaller one of those that pass the other vehicle on its left
-/// or on its right after `time` [s] (Jansson 2005). `offset` [m] is where the other one will be then, left positive;
-/// `left` and `right` [m] are how far away the centres must be for passing there.
+/// Required lateral acceleration [m/s²], at least 0: the smaller of the accelerations that pass the other vehicle on
+/// its left and on its right after `time` [s] (Jansson 2005). `offset` [m] is where the other one will be then, left
+/// positive; `left` and `right` [m] are how far away the centres must be for passing there.
 pub fn required_lateral_acceleration(time: f64, offset: f64, left: f64, right: f64) -> f64 {
     if [time, offset, left, right].iter().any(|argument| argument.is_nan()) {
         return f64::NAN;
@@ -112,7 +112,7 @@ pub fn exposure(ttc: &[f64], threshold: f64, dt: f64) -> (f64, f64) {
     ttc.iter().fold((0.0, 0.0), add)
 }
 
-/// What one sample adds to both sums of [`exposure`].
+/// The contribution of one sample to both sums of [`exposure`].
 pub fn exposure_of_sample(ttc: f64, threshold: f64, dt: f64) -> (f64, f64) {
     if ttc <= threshold { (dt, dt * (threshold - ttc)) } else { (0.0, 0.0) }
 }

@@ -1,6 +1,6 @@
 //! The measures, their names and their more critical directions.
 
-/// What is measured; the position is the place in [`super::Criticality::series`].
+/// A measure; its position is the index in [`super::Criticality::series`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Measure {
@@ -56,7 +56,7 @@ impl Measure {
         (Self::Msd, "msd"),
     ];
 
-    /// Those that follow from who is ahead on the paths.
+    /// Measures that follow from who is ahead on the paths.
     pub const FOLLOWING: [Self; 7] =
         [Self::Hw, Self::Thw, Self::Ttc, Self::ALongReq, Self::Btn, Self::ALatReq, Self::Stn];
 

@@ -1,5 +1,5 @@
-//! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time
-//! step, and the harm of collisions. Evaluated afterwards, on what was recorded. See docs/reference/criticality.md.
+//! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time step,
+//! and the harm of collisions. Evaluated afterwards, on recorded states. See docs/reference/criticality.md.
 
 pub mod blame;
 mod conflict;
@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 pub use conflict::Connector;
 pub use measure::Measure;
-pub use result::{Criticality, Exposure, Extreme, Series, Way};
+pub use result::{Criticality, Exposure, Extreme, LaneletPath, Series};
 pub use settings::{LeadMembership, Settings, ThwMode};
 pub use traffic::Traffic;
 
@@ -50,7 +50,7 @@ pub enum ConflictAreas {
     Crossing,
 }
 
-/// What is to be evaluated.
+/// A request for an evaluation.
 #[derive(Debug, Clone)]
 pub struct Request {
     /// Participants to judge; each must be there at some time and not be static.
@@ -113,10 +113,10 @@ fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
     for (i, &id) in request.ids.iter().enumerate() {
         let row = traffic.states.row(id).ok_or(Error::UnknownId { what: "participant", id })?;
         if traffic.is_static[row] {
-            return Err(Error::invalid(format!("participant {id} is static: there is nothing to judge")));
+            return Err(Error::invalid(format!("participant {id} is static: there is nothing to evaluate")));
         }
         if traffic.span(row).is_none() {
-            return Err(Error::invalid(format!("participant {id} is never there: there is nothing to judge")));
+            return Err(Error::invalid(format!("participant {id} is never there: there is nothing to evaluate")));
         }
         let deceleration = given.get(i).copied().unwrap_or(request.settings.deceleration);
         if !(deceleration > 0.0 && deceleration.is_finite()) {
@@ -128,7 +128,7 @@ fn judged(traffic: &Traffic, request: &Request) -> Result<Vec<(usize, f64)>> {
     }
     found.sort_by_key(|(row, _)| *row);
     if let Some(pair) = found.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-        return Err(Error::invalid(format!("participant {} is asked for twice", traffic.states.ids[pair[0].0])));
+        return Err(Error::invalid(format!("participant {} is requested twice", traffic.states.ids[pair[0].0])));
     }
     Ok(found)
 }

@@ -34,14 +34,14 @@ pub struct Extreme {
 
 /// A path (lanelets in driving order) or a conflict area (the own lanelet, the other one's), as lanelet ids.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Way {
+pub struct LaneletPath {
     /// Lanelet ids.
     pub lanelets: Vec<i64>,
     /// The two lanelets cross.
     pub is_conflict_area: bool,
 }
 
-/// What is known about one participant beyond the measures at each time step.
+/// Results about one participant beyond the measures at each time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
     /// Time with a time to collision of at most the threshold [s].
@@ -75,7 +75,7 @@ pub struct Criticality {
     /// Per judged participant.
     pub exposure: Vec<Exposure>,
     /// Paths and conflict areas that values refer to.
-    pub ways: Vec<Way>,
+    pub ways: Vec<LaneletPath>,
 }
 
 /// One participant's part of the result.
@@ -88,7 +88,7 @@ pub(super) struct Judged {
     pub(super) exposure: Exposure,
 }
 
-/// The result from the parts of all judged participants: (row, deceleration) and what was found.
+/// The result from the parts of all evaluated participants: (row, deceleration) and their findings.
 pub(super) fn assemble(
     traffic: &Traffic,
     paths: &PathSystems,
@@ -153,11 +153,13 @@ pub(super) fn assemble(
     }
 }
 
-fn way(road: &RoadNetwork, paths: &PathSystems, via: Via) -> Way {
+fn way(road: &RoadNetwork, paths: &PathSystems, via: Via) -> LaneletPath {
     let id = |lanelet: &u32| road.lanelets()[*lanelet as usize].id;
     match via {
-        Via::Path(code) => Way { lanelets: paths.lanelets(code).iter().map(id).collect(), is_conflict_area: false },
-        Via::ConflictArea(own, other) => Way { lanelets: vec![id(&own), id(&other)], is_conflict_area: true },
-        Via::Nothing => Way { lanelets: Vec::new(), is_conflict_area: false },
+        Via::Path(code) => {
+            LaneletPath { lanelets: paths.lanelets(code).iter().map(id).collect(), is_conflict_area: false }
+        }
+        Via::ConflictArea(own, other) => LaneletPath { lanelets: vec![id(&own), id(&other)], is_conflict_area: true },
+        Via::Nothing => LaneletPath { lanelets: Vec::new(), is_conflict_area: false },
     }
 }

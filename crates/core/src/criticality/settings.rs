@@ -27,29 +27,29 @@ choice! {
 settings! {
     /// Parameters and switches of all measures; the defaults are those of docs/reference/criticality.md.
     pub struct Settings as MeasureSettings {
-        /// Others count within this distance, centre to centre.
+        /// Distance, centre to centre, within which other participants count.
         radius: f64 ["m"] = 100.0, positive(f64::MAX);
         /// Time to collision along lanes up to which a vehicle is exposed.
         ttc_threshold: f64 ["s"] = 2.0, positive(f64::MAX);
-        /// Deceleration that is available; the default is what the tyres of CommonRoad's vehicle type 2 can do on a dry
-        /// road, which is optimistic.
+        /// Available deceleration; the default is the tyre limit of CommonRoad's vehicle type 2 on a dry road, which is
+        /// optimistic.
         deceleration: f64 ["m/s²"] = 11.5, positive(f64::MAX);
-        /// Lateral acceleration that is available.
+        /// Available lateral acceleration.
         lateral_acceleration: f64 ["m/s²"] = 8.0, positive(f64::MAX);
-        /// Oncoming traffic counts only where its way meets that of the judged vehicle.
+        /// Oncoming traffic counts only where its path meets that of the evaluated vehicle.
         oncoming_filter: bool = true;
         /// Heading difference beyond which traffic is oncoming.
         opposite_angle: f64 ["rad"] = 135.0_f64.to_radians(), positive(PI);
-        /// Lanelets are eroded by this much before their overlap is measured.
+        /// Erosion of lanelets before their overlap is measured.
         erosion: f64 ["m"] = 0.3, NOT_NEGATIVE;
-        /// Overlaps up to this size do not count.
+        /// Largest overlap that does not count.
         overlap_min: f64 ["m²"] = 0.1, NOT_NEGATIVE;
-        /// Participants ahead: those whose center lies on the path, or those whose footprint reaches into it.
+        /// Who counts as ahead: participants whose centre lies on the path, or whose footprint reaches into it.
         lead_membership: LeadMembership;
-        /// Time headway: normalized is headway over speed, recorded is the time until the recording reaches the place where
-        /// the vehicle ahead is now.
+        /// Time headway: normalized is headway divided by speed, recorded is the time until the recording reaches the
+        /// present place of the vehicle ahead.
         thw_mode: ThwMode;
-        /// A braking vehicle ahead comes to rest and stays there, for the required longitudinal acceleration.
+        /// The required longitudinal acceleration assumes that a braking vehicle ahead comes to rest and stays there.
         leader_stops: bool = false;
     }
 }

@@ -12,9 +12,9 @@ const AHEAD_COS: f64 = 0.866_025_403_784_438_6;
 /// Others more than 150 degrees off are behind.
 const BEHIND_COS: f64 = -AHEAD_COS;
 /// Vehicles slower than this stand [m/s].
-const STANDING: f64 = 0.005;
+const STANDING_SPEED: f64 = 0.005;
 
-/// What is asked about the time to contact.
+/// A request for times to contact.
 #[derive(Debug, Clone)]
 pub struct StraightRequest {
     /// Rows of the traffic, each with the distance from its rear axle forward to its centre [m].
@@ -76,7 +76,7 @@ fn straight_time(
         return StraightTime { time: f64::NAN, ..none };
     }
     let speed = traffic.states.velocity[traffic.index(row, column)];
-    if speed.abs() <= STANDING {
+    if speed.abs() <= STANDING_SPEED {
         return none;
     }
     let pose = traffic.pose(row, column);

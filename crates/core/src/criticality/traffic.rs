@@ -1,4 +1,4 @@
-//! What is judged: recorded states with footprints, completed, and the position of each participant on the road.
+//! The evaluated traffic: recorded states with footprints, completed, and the position of each participant on the road.
 
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::road::RoadNetwork;
 use crate::trajectory::States;
 
 /// A vehicle whose heading differs less than this from a lane's drives along it [rad].
-pub(super) const ALONG: f64 = FRAC_PI_4;
+pub(super) const ALONG_ANGLE: f64 = FRAC_PI_4;
 
 /// Recorded traffic on its road; static participants stand.
 #[derive(Debug, Clone)]
@@ -187,7 +187,7 @@ impl LaneletTrack {
                         None => track.stays.push((here.lanelet, column, column)),
                     }
                 }
-                for here in found.iter().filter(|here| here.turn.abs() <= ALONG) {
+                for here in found.iter().filter(|here| here.turn.abs() <= ALONG_ANGLE) {
                     match track.lane.iter_mut().find(|(lanelet, _)| *lanelet == here.lanelet) {
                         Some((_, until)) => *until = column as u32,
                         None => track.lane.push((here.lanelet, column as u32)),

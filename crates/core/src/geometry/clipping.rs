@@ -36,7 +36,7 @@ pub(crate) fn intersection(a: &[Point], b: &[Point]) -> Vec<Point> {
     out
 }
 
-/// Convex pieces of the strip between two bounds; those that are inside out are left out.
+/// Convex pieces of the strip between two bounds, without inverted pieces.
 pub(crate) fn strip(left: &[Point], right: &[Point]) -> Vec<Vec<Point>> {
     let mut pieces = Vec::new();
     for i in 0..left.len() - 1 {

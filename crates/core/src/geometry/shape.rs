@@ -14,9 +14,9 @@ use crate::geometry::{Aabb, Point, Pose};
 use crate::limits::{NUMBER_MAX, is_possible};
 
 /// Bodies nearer than this touch [m]; it absorbs the rounding of exact contacts.
-const TOUCHING: f64 = 1e-9;
+const TOUCHING_DISTANCE: f64 = 1e-9;
 /// Sides shorter than this are taken to be this long [m]: every part has an inside.
-const THINNEST: f64 = 1e-6;
+const SIDE_MIN: f64 = 1e-6;
 /// Corners of the polygon that stands for a circle in pictures.
 const CIRCLE_CORNERS: usize = 32;
 
@@ -38,7 +38,7 @@ impl Shape {
 
     /// Rectangle around a point of the body frame, turned by an angle [rad].
     pub fn rectangle_at(length: f64, width: f64, center: Point, orientation: f64) -> Self {
-        let raised = |size: f64| if (0.0..THINNEST).contains(&size) { THINNEST } else { size };
+        let raised = |size: f64| if (0.0..SIDE_MIN).contains(&size) { SIDE_MIN } else { size };
         let pose = Pose { position: center, orientation };
         let corners = OrientedBox::new(pose, raised(length), raised(width)).corners().to_vec();
         Self::from_parts(vec![ConvexPart::new(corners.clone(), 0.0)], vec![corners])
@@ -85,7 +85,7 @@ impl Shape {
         Self { parts, outline, bounding_box, bounding_radius }
     }
 
-    /// The shape is one that a body can have; for shapes made of numbers from outside.
+    /// Checks that a body can have this shape; for shapes made of numbers from outside.
     ///
     /// # Errors
     /// `InvalidInput` if there is no part, a number is not finite or too large, or a length or radius is negative.
@@ -172,7 +172,7 @@ impl Shape {
 
     /// The bodies at their poses share a point; touching counts.
     pub fn overlaps(&self, pose: Pose, other: &Self, other_pose: Pose) -> bool {
-        let reach = self.bounding_radius + other.bounding_radius + TOUCHING;
+        let reach = self.bounding_radius + other.bounding_radius + TOUCHING_DISTANCE;
         if (other_pose.position - pose.position).norm_squared() > reach * reach {
             return false;
         }
@@ -201,7 +201,7 @@ impl Shape {
     }
 
     fn contains_in_body(&self, point: Point) -> bool {
-        self.bounding_box.grown(TOUCHING).contains(point) && self.parts.iter().any(|part| part.contains(point))
+        self.bounding_box.grown(TOUCHING_DISTANCE).contains(point) && self.parts.iter().any(|part| part.contains(point))
     }
 
     /// Centre of area in the body frame, overlaps of parts counted twice; NaN for an empty shape.

@@ -13,8 +13,8 @@ const COMMON_MIN: f64 = 0.05;
 /// Stretches of a merge that are nearer than this are one [m].
 const GAP_MAX: f64 = 1.0;
 /// Between these angles lanelets cross; below they run along each other, beyond against each other [rad].
-const ALONG: f64 = 20.0 / 180.0 * std::f64::consts::PI;
-const AGAINST: f64 = 160.0 / 180.0 * std::f64::consts::PI;
+const ALONG_ANGLE: f64 = 20.0 / 180.0 * std::f64::consts::PI;
+const AGAINST_ANGLE: f64 = 160.0 / 180.0 * std::f64::consts::PI;
 
 /// The strip along the centre line of a lanelet, by segments.
 struct Strip {
@@ -157,8 +157,8 @@ fn area_of(road: &RoadNetwork, [a, b]: [usize; 2], strips: [&Strip; 2]) -> Optio
     let angle = wrap_angle(road.heading_at(b, middle[1]) - road.heading_at(a, middle[0])).abs();
     let kind = match angle {
         _ if merges => AreaKind::Merge,
-        _ if angle > AGAINST => AreaKind::Opposed,
-        _ if angle >= ALONG => AreaKind::Cross,
+        _ if angle > AGAINST_ANGLE => AreaKind::Opposed,
+        _ if angle >= ALONG_ANGLE => AreaKind::Cross,
         _ => return None,
     };
     let width = if kind == AreaKind::Opposed {

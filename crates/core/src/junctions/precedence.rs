@@ -8,9 +8,9 @@ use crate::geometry::wrap_angle;
 use crate::road::RoadNetwork;
 
 /// A way arrives along the chord of its last metres before the junction [m].
-const CHORD: f64 = 5.0;
+const CHORD_LENGTH: f64 = 5.0;
 /// The part of a lanelet up to an area is inside the junction if it is shorter than this [m].
-const INSIDE: f64 = 40.0;
+const INSIDE_LENGTH: f64 = 40.0;
 /// Ways that arrive within this angle come from the same side, within this one of PI against each other [rad].
 const SAME_SIDE: f64 = 30.0 / 180.0 * PI;
 /// What a stop sign is worth.
@@ -18,7 +18,7 @@ const STOP: u8 = 1;
 /// A limit that is higher by this makes the main road [m/s].
 const LIMIT_STEP: f64 = 4.0;
 /// A lanelet that keeps straighter by this angle goes on, the other one ends [rad].
-const STRAIGHTER: f64 = 0.02;
+const STRAIGHTER_ANGLE: f64 = 0.02;
 /// A turn that is smaller by this goes first [rad].
 const TURN_STEP: f64 = 20.0 / 180.0 * PI;
 
@@ -45,13 +45,13 @@ impl Approach {
         let lanelets = road.lanelets();
         let (mut inside, mut before) = (vec![side.lanelet], None);
         let mut entry = side.entry;
-        while entry < INSIDE {
+        while entry < INSIDE_LENGTH {
             let Some(&previous) = road.predecessors_straightest_first(inside[0]).first() else { break };
             let is_part = found.of_lanelet(previous).iter().any(|(area, _)| {
                 let side = found.areas[*area].sides.iter().find(|side| side.lanelet == previous);
                 // An area at the beginning of a long lanelet belongs to the junction before it.
-                side.is_some_and(|side| lanelets[previous].length - side.exit < INSIDE)
-                    && lanelets[previous].length < INSIDE
+                side.is_some_and(|side| lanelets[previous].length - side.exit < INSIDE_LENGTH)
+                    && lanelets[previous].length < INSIDE_LENGTH
             });
             if !is_part || inside.contains(&previous) {
                 before = Some(previous);
@@ -61,13 +61,13 @@ impl Approach {
             inside.insert(0, previous);
         }
         // On a long lanelet the junction begins at the area.
-        let (place, from) = if entry < INSIDE { (inside[0], 0.0) } else { (side.lanelet, side.entry) };
-        let heading = chord(road, place, from - CHORD, from);
+        let (place, from) = if entry < INSIDE_LENGTH { (inside[0], 0.0) } else { (side.lanelet, side.entry) };
+        let heading = chord(road, place, from - CHORD_LENGTH, from);
         let rest = lanelets[side.lanelet].length - side.exit;
-        let leaves = if rest < INSIDE {
+        let leaves = if rest < INSIDE_LENGTH {
             road.heading_at(side.lanelet, lanelets[side.lanelet].length)
         } else {
-            chord(road, side.lanelet, side.exit, side.exit + CHORD)
+            chord(road, side.lanelet, side.exit, side.exit + CHORD_LENGTH)
         };
         let angle = wrap_angle(leaves - heading);
         let priorities = &control.priorities;
@@ -169,7 +169,7 @@ pub(super) fn decide(
     }
     if area.kind == AreaKind::Merge && angle.abs() <= SAME_SIDE {
         let bends = area.sides.map(|side| bend(road, side.lanelet));
-        if (bends[0] - bends[1]).abs() >= STRAIGHTER {
+        if (bends[0] - bends[1]).abs() >= STRAIGHTER_ANGLE {
             return (greater(-bends[0], -bends[1]), Reason::Continues);
         }
     }
@@ -179,7 +179,7 @@ pub(super) fn decide(
     (None, Reason::Arrival)
 }
 
-/// Which of two roads without signs is the main one: the faster one, or at a T the one that goes on.
+/// The main road of two without signs: the faster one, or at a T the road that goes on.
 fn main_road([a, b]: [&Approach; 2], arrivals: &[f64], control: &Control) -> Option<usize> {
     // Not a number compares false.
     if a.limit >= b.limit + LIMIT_STEP {

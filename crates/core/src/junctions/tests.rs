@@ -36,7 +36,7 @@ fn t_junction() -> Vec<LaneletInput> {
     ]
 }
 
-/// Ids of the lanelet that goes first and of the one that waits, and why, for every area.
+/// Ids of the lanelets that go first and that wait, and why, for every area.
 fn orders(road: &RoadNetwork, found: &Junctions) -> Vec<(i64, i64, Reason)> {
     let id = |area: &Area, side: usize| road.lanelets()[area.sides[side].lanelet].id;
     found

@@ -5,12 +5,12 @@ use crate::scene::Scene;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
-/// A picture shows where participants were so long ago [s].
-const BEFORE: f64 = 0.5;
+/// Age of the past positions that the raster shows [s].
+const PAST_AGE: f64 = 0.5;
 
 /// A participant as an observer sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
+pub struct ObservedBody {
     /// Its id.
     pub id: i64,
     /// Centre of its footprint, world frame [m].
@@ -29,7 +29,7 @@ pub struct Body {
     pub(super) before: Option<(Point, Point)>,
 }
 
-impl Body {
+impl ObservedBody {
     /// The participant in a row of a scene, in a state.
     pub fn new(scene: &Scene, row: usize, state: &State, velocity: f64) -> Self {
         let participants = &scene.participants;
@@ -57,23 +57,23 @@ impl Body {
 
 /// Writes the bodies of all participants present, in the order of `Scene::present`, which is that of predictions; with
 /// what a picture needs, if there is to be one.
-pub fn bodies(scene: &Scene, is_drawn: bool, out: &mut Vec<Body>) {
+pub fn bodies(scene: &Scene, is_drawn: bool, out: &mut Vec<ObservedBody>) {
     let then = scene.time_step - past_steps(scene.dt) as i64;
     out.clear();
     out.extend(scene.present.iter().enumerate().map(|(place, row)| {
         let state = scene.state(*row);
         let before = if is_drawn { scene.past.get(*row, then) } else { None };
-        Body {
+        ObservedBody {
             predicted: Some(place),
             before: before.map(|state| (state.pose().position, Point::from_angle(state.orientation))),
-            ..Body::new(scene, *row, &state, scene.observed_velocity(*row))
+            ..ObservedBody::new(scene, *row, &state, scene.observed_velocity(*row))
         }
     }));
 }
 
 /// Time steps of the past that a picture needs.
 pub fn past_steps(dt: f64) -> usize {
-    (BEFORE / dt).round() as usize
+    (PAST_AGE / dt).round() as usize
 }
 
 /// Vehicle, two-wheeler, pedestrian, anything else.

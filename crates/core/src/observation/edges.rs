@@ -6,7 +6,7 @@ use crate::geometry::Aabb;
 /// Numbers of a piece.
 const COLUMNS: usize = super::layout::EDGE.len();
 /// Pieces further away are not told [m].
-const REACH: f64 = 50.0;
+const EDGE_REACH: f64 = 50.0;
 
 /// Writes the block of road edges: the `n` nearest pieces, the one with the smaller number first among equals.
 pub(super) fn write(
@@ -22,8 +22,8 @@ pub(super) fn write(
     let eye = frame.origin;
     let pieces = observer.road.edge_pieces();
     nearest.clear();
-    let mut most = REACH * REACH;
-    pieces.visit_near(&Aabb { min: eye, max: eye }.grown(REACH), |i, piece| {
+    let mut most = EDGE_REACH * EDGE_REACH;
+    pieces.visit_near(&Aabb { min: eye, max: eye }.grown(EDGE_REACH), |i, piece| {
         let key = ((piece.nearest(eye) - eye).norm_squared(), i);
         if key.0 > most || nearest.contains(&key) {
             return;

@@ -80,7 +80,7 @@ pub(super) const GOAL: Columns = &[
 
 /// Of a place on the path ahead.
 pub(super) const ROUTE: Columns = &[
-    ("1 if the path reaches so far", "", by(1.0)),
+    ("1 if the path reaches that far", "", by(1.0)),
     ("ahead", "m", by(100.0)),
     ("to the left", "m", by(100.0)),
     ("sine of its heading minus the observer's", "", by(1.0)),

@@ -19,15 +19,15 @@ use crate::scenario::Goal;
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::Vehicle;
 use crate::vehicle::single_track::steering_angle;
-pub use crowd::{Body, bodies, past_steps};
+pub use crowd::{ObservedBody, bodies, past_steps};
 pub use path_table::PathTable;
 pub use raster::{LAYERS, PIXELS, SIDE, draw};
 pub use settings::{AHEAD, Form, ObservationSettings};
 
 /// The path's foot may be this far ahead of or behind the rear axle [m] before the observer counts as beyond its ends.
-const BEYOND: f64 = 0.5;
+const FOOT_TOLERANCE: f64 = 0.5;
 
-/// Who observes, and what it knows of itself.
+/// The observing vehicle and its knowledge of itself.
 #[derive(Debug, Clone, Copy)]
 pub struct Observer<'a> {
     /// Its state.
@@ -36,7 +36,7 @@ pub struct Observer<'a> {
     pub vehicle: &'a Vehicle,
     /// Its route.
     pub route: &'a Route,
-    /// What is known about the route beforehand.
+    /// Precomputed information about the route.
     pub table: &'a PathTable,
     /// Speed limits along the path.
     pub limits: &'a SpeedLimits,
@@ -44,7 +44,7 @@ pub struct Observer<'a> {
     pub goal: &'a Goal,
     /// The roads.
     pub road: &'a RoadNetwork,
-    /// What is expected of others; `None`: nothing.
+    /// Predictions of others, if any.
     pub predictions: Option<&'a Predictions>,
     /// Arc length of its rear axle on the path [m].
     pub s: f64,
@@ -117,7 +117,7 @@ impl Frame {
 /// Writes all blocks. `seen` are the participants that the observer sees, in any order.
 pub fn observe<'a>(
     observer: &Observer<'_>,
-    seen: impl Iterator<Item = &'a Body> + Clone,
+    seen: impl Iterator<Item = &'a ObservedBody> + Clone,
     settings: &ObservationSettings,
     memory: &mut ObservationMemory,
     out: &mut [f32],
@@ -157,7 +157,7 @@ fn ego(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
     out.put(left - center_offset, 10.0);
     out.put(right + center_offset, 10.0);
     out.put(limits.at(q), 40.0);
-    out.flag(at.tangent().dot(offset).abs() > BEYOND);
+    out.flag(at.tangent().dot(offset).abs() > FOOT_TOLERANCE);
 }
 
 fn goal(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {

@@ -1,19 +1,24 @@
-//! The other participants that an observer sees, the nearest ones, and what is expected of them.
+//! The nearest participants that an observer sees, and their predictions.
 
-use super::{Body, Frame, Observer, Writer};
+use super::{Frame, ObservedBody, Observer, Writer};
 use crate::geometry::Point;
 
-/// Numbers of a participant, and of what is expected of it.
+/// Numbers of a participant, and of its prediction.
 const COLUMNS: usize = super::layout::PARTNER.len();
 const EXPECTED: usize = super::layout::PREDICTION.len();
-/// Expected places are told for so many seconds ahead.
+/// Times ahead at which expected positions are observed [s].
 const SECONDS: [f64; 3] = [1.0, 2.0, 3.0];
 
 /// Squared distance [m²], id and place among those seen: the nearest first.
 pub(super) type Nearest = Vec<(f64, i64, usize)>;
 
 /// Finds the `n` nearest, the smaller id first among equals.
-pub(super) fn nearest<'a>(frame: &Frame, seen: impl Iterator<Item = &'a Body>, n: usize, nearest: &mut Nearest) {
+pub(super) fn nearest<'a>(
+    frame: &Frame,
+    seen: impl Iterator<Item = &'a ObservedBody>,
+    n: usize,
+    nearest: &mut Nearest,
+) {
     nearest.clear();
     if n == 0 {
         return;
@@ -37,11 +42,11 @@ pub(super) fn nearest<'a>(frame: &Frame, seen: impl Iterator<Item = &'a Body>, n
 
 /// Calls `write` for all that are among the nearest, at the beginning of their rows.
 fn for_each<'a>(
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     nearest: &Nearest,
     (n, columns): (usize, usize),
     out: &mut Writer<'_>,
-    mut write: impl FnMut(&Body, &mut Writer<'_>),
+    mut write: impl FnMut(&ObservedBody, &mut Writer<'_>),
 ) {
     let start = out.next;
     out.zeros(n * columns);
@@ -57,7 +62,7 @@ fn for_each<'a>(
 pub(super) fn write<'a>(
     observer: &Observer<'_>,
     frame: &Frame,
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     n: usize,
     nearest: &Nearest,
     out: &mut Writer<'_>,
@@ -81,11 +86,11 @@ pub(super) fn write<'a>(
     });
 }
 
-/// Writes the block of predictions; what is not expected at a time is zero.
+/// Writes the block of predictions; zero where there is none.
 pub(super) fn write_predictions<'a>(
     observer: &Observer<'_>,
     frame: &Frame,
-    seen: impl Iterator<Item = &'a Body>,
+    seen: impl Iterator<Item = &'a ObservedBody>,
     n: usize,
     nearest: &Nearest,
     out: &mut Writer<'_>,

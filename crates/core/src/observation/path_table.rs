@@ -7,8 +7,8 @@ use crate::scenario::{Goal, GoalState};
 
 /// Spacing of the table [m].
 const SPACING: f64 = 2.0;
-/// Road edges are sought so far beside the path [m].
-const REACH: f64 = 20.0;
+/// Lateral distance within which road edges are sought beside the path [m].
+const EDGE_REACH: f64 = 20.0;
 
 /// Road edges beside a path, and the alternative of the goal that is observed.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,13 +29,13 @@ impl PathTable {
         let n = (path.length() / SPACING) as usize + 2;
         let mut near = Vec::new();
         let mut side = |from: Point, direction: Point| {
-            let to = from + direction * REACH;
+            let to = from + direction * EDGE_REACH;
             road.edges_near(&Aabb::around([from, to]), &mut near);
             let hits = near.iter().filter_map(|i| {
                 let edge = &road.road_edges()[*i as usize];
                 crossing(from, direction, edge.a, edge.b)
             });
-            hits.fold(REACH, f64::min)
+            hits.fold(EDGE_REACH, f64::min)
         };
         let sides = (0..n)
             .map(|i| {

@@ -1,7 +1,7 @@
 //! A picture of what an observer sees, from above: four layers of 96 x 96 pixels of 0.75 m, forward up, the observer's centre
 //! in the middle of the pixel in row 72 and column 48. A pixel is 255 if its centre is inside, 0 otherwise.
 
-use super::{Body, Frame, Observer};
+use super::{Frame, ObservedBody, Observer};
 use crate::geometry::Point;
 
 /// Pixels per side.
@@ -12,20 +12,20 @@ pub const PIXELS: usize = LAYERS * LAYER;
 pub const LAYERS: usize = 4;
 const LAYER: usize = SIDE * SIDE;
 /// Side of a pixel [m].
-const SIZE: f64 = 0.75;
+const PIXEL_SIZE: f64 = 0.75;
 /// The observer's row and column.
-const ROW: f64 = 72.0;
-const COLUMN: f64 = 48.0;
-/// The path is drawn from so far behind the observer to so far ahead [m], in steps of [m].
-const BEHIND: f64 = 40.0;
-const AHEAD: f64 = 80.0;
-const STEP: f64 = 2.0;
-const N_STEPS: usize = ((BEHIND + AHEAD) / STEP) as usize + 1;
+const OBSERVER_ROW: f64 = 72.0;
+const OBSERVER_COLUMN: f64 = 48.0;
+/// Extent of the drawn path behind and ahead of the observer [m], and its step [m].
+const PATH_BEHIND: f64 = 40.0;
+const PATH_AHEAD: f64 = 80.0;
+const PATH_STEP: f64 = 2.0;
+const N_STEPS: usize = ((PATH_BEHIND + PATH_AHEAD) / PATH_STEP) as usize + 1;
 /// What is on the border of an area is inside, whatever rounding does to it [pixels].
-const TOUCHING: f64 = 1e-9;
+const BORDER_TOLERANCE: f64 = 1e-9;
 
 /// Draws what an observer sees into `PIXELS` bytes. `seen` are the participants that it sees.
-pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a Body>, out: &mut [u8]) {
+pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a ObservedBody>, out: &mut [u8]) {
     let state = observer.state;
     let frame = Frame { origin: Point::new(state.x, state.y), axis: Point::from_angle(state.orientation) };
     out.fill(0);
@@ -45,14 +45,16 @@ pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a Body>, o
 
 /// Column and row of a point of the observer's frame.
 fn pixel(place: Point) -> Point {
-    Point::new(COLUMN - place.y / SIZE, ROW - place.x / SIZE)
+    Point::new(OBSERVER_COLUMN - place.y / PIXEL_SIZE, OBSERVER_ROW - place.x / PIXEL_SIZE)
 }
 
 fn road(observer: &Observer<'_>, frame: &Frame, out: &mut [u8]) {
     let left = frame.axis.left();
     for (row, out) in out.chunks_exact_mut(SIDE).enumerate() {
-        let first = frame.origin + frame.axis * ((ROW - row as f64) * SIZE) + left * (COLUMN * SIZE);
-        observer.road.draw_drivable(first, left * -SIZE, out);
+        let first = frame.origin
+            + frame.axis * ((OBSERVER_ROW - row as f64) * PIXEL_SIZE)
+            + left * (OBSERVER_COLUMN * PIXEL_SIZE);
+        observer.road.draw_drivable(first, left * -PIXEL_SIZE, out);
     }
 }
 
@@ -60,7 +62,8 @@ fn road(observer: &Observer<'_>, frame: &Frame, out: &mut [u8]) {
 fn path(observer: &Observer<'_>, frame: &Frame, out: &mut Layer<'_>) {
     let path = &observer.route.path;
     let q = observer.s + observer.vehicle.rear_axle_to_center;
-    let arc_lengths: [f64; N_STEPS] = std::array::from_fn(|i| (q - BEHIND + i as f64 * STEP).clamp(0.0, path.length()));
+    let arc_lengths: [f64; N_STEPS] =
+        std::array::from_fn(|i| (q - PATH_BEHIND + i as f64 * PATH_STEP).clamp(0.0, path.length()));
     let mut fields = [[0.0; N_STEPS]; 7];
     path.write_at(&arc_lengths, fields.each_mut().map(|field| &mut field[..]));
     let [x, y, _, cos, sin, ..] = &fields;
@@ -82,7 +85,7 @@ fn goal(observer: &Observer<'_>, frame: &Frame, out: &mut Layer<'_>) {
         for part in area.shape.parts() {
             let corner = |vertex: &Point| pixel(frame.place(area.pose.world_from_body(*vertex)));
             if let [center] = part.vertices.as_slice() {
-                out.fill_circle(corner(center), part.radius / SIZE);
+                out.fill_circle(corner(center), part.radius / PIXEL_SIZE);
             } else {
                 out.fill_corners(|| part.vertices.iter().map(corner));
             }
@@ -102,8 +105,8 @@ struct Layer<'a>(&'a mut [u8]);
 impl Layer<'_> {
     /// Sets the pixels of a row from one column to another, both included.
     fn set(&mut self, row: usize, from: f64, to: f64) {
-        let from = (from - TOUCHING).ceil().max(0.0);
-        let to = (to + TOUCHING).floor().min(SIDE as f64 - 1.0);
+        let from = (from - BORDER_TOLERANCE).ceil().max(0.0);
+        let to = (to + BORDER_TOLERANCE).floor().min(SIDE as f64 - 1.0);
         if from <= to {
             self.0[row * SIDE + from as usize..=row * SIDE + to as usize].fill(255);
         }
@@ -111,8 +114,8 @@ impl Layer<'_> {
 
     /// Rows of pixels from one height to another, both included.
     fn rows(from: f64, to: f64) -> std::ops::Range<usize> {
-        let from = (from - TOUCHING).ceil().max(0.0);
-        let to = (to + TOUCHING).floor().min(SIDE as f64 - 1.0);
+        let from = (from - BORDER_TOLERANCE).ceil().max(0.0);
+        let to = (to + BORDER_TOLERANCE).floor().min(SIDE as f64 - 1.0);
         if from <= to { from as usize..to as usize + 1 } else { 0..0 }
     }
 
@@ -129,11 +132,11 @@ impl Layer<'_> {
             let (mut from, mut to) = (f64::INFINITY, f64::NEG_INFINITY);
             for (a, b) in corners().zip(corners().skip(1).chain(corners().take(1))) {
                 let (below, above) = (a.y.min(b.y), a.y.max(b.y));
-                if y < below - TOUCHING || y > above + TOUCHING {
+                if y < below - BORDER_TOLERANCE || y > above + BORDER_TOLERANCE {
                     continue;
                 }
                 let height = b.y - a.y;
-                let ends = if height.abs() < TOUCHING {
+                let ends = if height.abs() < BORDER_TOLERANCE {
                     [a.x, b.x]
                 } else {
                     [a.x + (b.x - a.x) * ((y - a.y) / height).clamp(0.0, 1.0); 2]

@@ -25,15 +25,15 @@ settings! {
     pub struct ObservationSettings as ObservationSettings {
         /// "flat": one vector. "dict": blocks by name.
         form: Form = Form::Flat;
-        /// Number of places on the path ahead.
+        /// Number of points on the path ahead.
         route: usize = 16, between(0.0, 16.0);
-        /// Number of other participants, the nearest that are seen.
+        /// Number of other participants: the nearest visible ones.
         partners: usize = 12, between(0.0, ROWS_MAX);
-        /// Number of pieces of road edges, the nearest within 50 m.
+        /// Number of pieces of road edge: the nearest within 50 m.
         edges: usize = 0, between(0.0, ROWS_MAX);
-        /// Where the other participants are expected in 1, 2 and 3 s, as the predictor says.
+        /// Whether to add the predicted positions of other participants in 1, 2 and 3 s.
         predictions: bool = false;
-        /// A picture from above as well.
+        /// Whether to add a raster image from above.
         raster: bool = false;
     }
 }

@@ -58,10 +58,10 @@ impl World {
         State { x, y, orientation: orientation + self.turn, velocity, acceleration: 1.0, yaw_rate }
     }
 
-    fn body(&self, id: i64, x: f64, y: f64, heading: f64, velocity: f64, class: usize) -> Body {
+    fn body(&self, id: i64, x: f64, y: f64, heading: f64, velocity: f64, class: usize) -> ObservedBody {
         let position = moved(Point::new(x, y), self.turn, self.shift);
         let axis = Point::from_angle(heading + self.turn);
-        Body { id, position, axis, velocity, size: (4.0, 1.6), class, predicted: None, before: None }
+        ObservedBody { id, position, axis, velocity, size: (4.0, 1.6), class, predicted: None, before: None }
     }
 
     /// Calls a function with an observer.
@@ -84,7 +84,7 @@ impl World {
         })
     }
 
-    fn observed(&self, state: &State, bodies: &[Body]) -> Vec<f32> {
+    fn observed(&self, state: &State, bodies: &[ObservedBody]) -> Vec<f32> {
         self.observed_with(&ObservationSettings::default(), state, bodies, None)
     }
 
@@ -92,7 +92,7 @@ impl World {
         &self,
         settings: &ObservationSettings,
         state: &State,
-        bodies: &[Body],
+        bodies: &[ObservedBody],
         predictions: Option<&Predictions>,
     ) -> Vec<f32> {
         self.with_observer(state, predictions, |observer| {
@@ -102,7 +102,7 @@ impl World {
         })
     }
 
-    fn picture(&self, state: &State, bodies: &[Body]) -> Vec<u8> {
+    fn picture(&self, state: &State, bodies: &[ObservedBody]) -> Vec<u8> {
         self.with_observer(state, None, |observer| {
             let mut out = vec![9; PIXELS];
             draw(observer, bodies.iter(), &mut out);
@@ -215,8 +215,8 @@ fn nothing_changes_if_the_world_is_turned_and_moved() {
 }
 
 /// A body with a row of predictions, and where it was half a second ago.
-fn expected(body: Body, row: usize, before: Point) -> Body {
-    Body { predicted: Some(row), before: Some((before, body.axis)), ..body }
+fn expected(body: ObservedBody, row: usize, before: Point) -> ObservedBody {
+    ObservedBody { predicted: Some(row), before: Some((before, body.axis)), ..body }
 }
 
 /// What is expected of one participant: it drives along x at 5 m/s from 70 m on, more surely than that it stands.

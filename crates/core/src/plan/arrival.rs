@@ -24,9 +24,9 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 ///
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
 /// brings the agent into the area at the middle of the time interval or before its end, whichever is later: shortly
-/// before it, or with `is_free` on a road with a speed limit early enough for what may hold it up on the way.
-/// With `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of
-/// the goal's speeds (those that include standing say nothing), but slow enough to brake comfortably to the goal's
+/// before it, or with `is_free` on a road with a speed limit early enough for what may hold it up on the way. With
+/// `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
+/// goal's speeds (an interval that includes standing says nothing), but slow enough to brake comfortably to the goal's
 /// speeds and not to arrive too early. Too late: on as before, or with `is_free` as fast as the limit, or at the free
 /// speed where no limit is known, at `cruise_velocity_min` or more. In the area: the goal's speed; before the time,
 /// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.

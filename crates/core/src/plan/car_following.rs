@@ -65,7 +65,7 @@ impl CarFollowing {
     }
 }
 
-/// What is left of a wish after the vehicle's limits [m/s²].
+/// The desired acceleration within the vehicle's limits [m/s²].
 pub(super) fn limited(acceleration: f64, velocity: f64, vehicle: &Vehicle) -> f64 {
     acceleration.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity))
 }

@@ -1,4 +1,4 @@
-//! Plans from outside the core: what is checked before they are driven.
+//! Checks of plans from outside the core before they are driven.
 
 use crate::error::{Error, Result};
 use crate::geometry::{Point, wrap_angle};
@@ -45,8 +45,8 @@ pub struct StatedPlan<'a> {
 }
 
 impl StatedPlan<'_> {
-    /// The points, `dt` [s] apart. What is missing is derived: central differences, one-sided at both ends, headings
-    /// by the shorter way round.
+    /// The points, `dt` [s] apart. Missing fields are derived: central differences, one-sided at both ends, headings by
+    /// the shorter way round.
     ///
     /// # Errors
     /// `InvalidInput` naming the field: another length, fewer than two points, more than [`PLAN_POINTS_MAX`], a value
@@ -99,8 +99,7 @@ impl StatedPlan<'_> {
 
 /// Whether a plan starts at the present state, never jumps, and claims no speed that the vehicle does not have.
 ///
-/// # Errors
-/// `InvalidInput` with what is wrong, for the author of the planner.
+/// # Errors `InvalidInput` with the fault, for the author of the planner.
 pub fn check_plan(points: &[State], now: &State, vehicle: &Vehicle, dt: f64) -> Result<()> {
     let Some(first) = points.first() else { return Err(Error::invalid("the plan has no points")) };
     let gap = first.pose().position.distance(now.pose().position);

@@ -13,7 +13,7 @@ const COSINE_MIN: f64 = 0.1;
 /// ... and is not near the centre of the path's curvature (K).
 pub(super) const STRETCH_MIN: f64 = 0.05;
 /// Below this speed [m/s] a yaw rate says nothing about the steering.
-const CREEPING: f64 = 0.1;
+const CREEPING_SPEED: f64 = 0.1;
 /// The foot is searched within this distance of the last one [m].
 const SEARCH_WINDOW: f64 = 15.0;
 
@@ -42,7 +42,7 @@ pub(super) struct Start {
 pub(super) fn start_curvature(state: &State, vehicle: &Vehicle) -> Option<f64> {
     let limit = vehicle.curvature_max();
     let (velocity, yaw_rate) = (state.velocity, state.yaw_rate);
-    (velocity.abs() > CREEPING).then(|| (yaw_rate / velocity).clamp(-limit, limit))
+    (velocity.abs() > CREEPING_SPEED).then(|| (yaw_rate / velocity).clamp(-limit, limit))
 }
 
 impl Start {
@@ -64,7 +64,7 @@ impl Start {
         vehicle: &Vehicle,
         yaw_rate_counts: bool,
     ) -> Result<Self, String> {
-        let velocity = if (-CREEPING..0.0).contains(&state.velocity) { 0.0 } else { state.velocity };
+        let velocity = if (-CREEPING_SPEED..0.0).contains(&state.velocity) { 0.0 } else { state.velocity };
         if velocity < 0.0 {
             return Err(format!("drives backwards at {velocity} m/s"));
         }
@@ -102,9 +102,9 @@ impl Start {
 }
 
 impl Start {
-    /// The agent (almost) stands, so its steering is what it wants it to be.
+    /// The agent (almost) stands, so it may choose its steering.
     pub(super) fn steers_freely(&self) -> bool {
-        self.velocity <= CREEPING
+        self.velocity <= CREEPING_SPEED
     }
 }
 

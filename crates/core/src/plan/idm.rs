@@ -25,7 +25,7 @@ settings! {
     pub struct IdmSettings as Idm(law: CarFollowing) {
         /// Upper bound of the desired speed v0.
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
-        /// Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
     }
 }

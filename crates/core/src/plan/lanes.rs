@@ -15,7 +15,7 @@ use crate::scenario::{Goal, Scenario};
 /// Lanes begin at least this far before the start [m], where the road does.
 const LEAD_IN: f64 = 40.0;
 /// They end this far beyond the goal; without a goal they are this long [m].
-const EXTENSION: f64 = 150.0;
+const LANE_EXTENSION: f64 = 150.0;
 const FREE_LENGTH: f64 = 400.0;
 /// Where the map ends, the path goes on straight for this length [m].
 const STRAIGHT_ON: f64 = 80.0;
@@ -25,12 +25,12 @@ const LANES_MAX: usize = 8;
 const LANE_LANELETS_MAX: usize = 200;
 /// A lane change begins this far before the end of the stretch that both lanes share, at the latest [m]: it is the length
 /// that a change takes at walking speed.
-const RESERVE: f64 = 16.0;
+const CHANGE_RESERVE: f64 = 16.0;
 /// Feet are searched this far around the expected place [m].
 const FOOT_WINDOW: f64 = 25.0;
 
 /// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
-pub(super) const AIM: f64 = 5.0;
+pub(super) const AIM_DISTANCE: f64 = 5.0;
 
 /// Where an agent drives on one lane.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +66,7 @@ struct Piece {
     lane_end: f64,
 }
 
-/// What is left to do for an agent in a lane.
+/// The remaining task of an agent in a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Need {
     /// Lane changes that are missing to the goal.
@@ -188,7 +188,7 @@ impl Ends {
             changes: missing_changes(&scenario.road, route, goal_lanelet),
             start: route.path.at(route.start_s).position,
             goal_place: has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position),
-            length: if has_place { route.path.length() + EXTENSION } else { FREE_LENGTH },
+            length: if has_place { route.path.length() + LANE_EXTENSION } else { FREE_LENGTH },
         }
     }
 }
@@ -270,7 +270,7 @@ impl Lane {
                 sides.into_iter().flatten().any(|(beside, same)| same && changes[beside] < pieces[i].changes)
             };
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
-            pieces[i].last_chance = last.min(goal_s) - RESERVE;
+            pieces[i].last_chance = last.min(goal_s) - CHANGE_RESERVE;
             pieces[i].lane_end = last;
         }
         let whole: Vec<PathPiece> = chain.into_iter().map(PathPiece::whole).collect();
@@ -282,7 +282,7 @@ impl Lane {
         &self.pieces[i.min(self.pieces.len() - 1)]
     }
 
-    /// What is left to do at an arc length; `None` if the goal cannot be reached from there.
+    /// The remaining task at an arc length; `None` if the goal cannot be reached from there.
     pub(super) fn need(&self, s: f64) -> Option<Need> {
         let Piece { changes, last_chance, lane_end, .. } = *self.piece_at(s);
         (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end })
@@ -319,12 +319,12 @@ impl Lanes {
         })
     }
 
-    /// The lane that the previous plan leads to; without one the lane that is nearest so far ahead [m].
+    /// The lane that the previous plan leads to; without a plan, the nearest lane at `ahead` [m].
     pub(super) fn aimed_at(&self, request: &PlanRequest, ahead: f64) -> Option<Aim> {
         let rear_axle = |pose: Pose| Pose { position: request.vehicle.rear_axle_from_center(pose), ..pose };
         let here = rear_axle(request.state.pose());
         let last = request.previous.and_then(|plan| plan.points.last()).filter(|point| point.is_finite());
-        let towards = last.and_then(|last| self.nearest(rear_axle(last.pose()), AIM)).map(|(lane, ..)| lane);
+        let towards = last.and_then(|last| self.nearest(rear_axle(last.pose()), AIM_DISTANCE)).map(|(lane, ..)| lane);
         let on = |lane: usize| self.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
         towards.and_then(on).or_else(|| self.nearest(here, ahead).map(|(lane, s, d)| Aim { lane, s, d }))
     }
@@ -381,7 +381,7 @@ mod tests {
         let needs: Vec<Need> = (0..3).map(|lane| lanes.lanes[lane].need(at(lane)).expect("leads there")).collect();
         assert_eq!(needs.iter().map(|need| need.changes).collect::<Vec<_>>(), [2, 1, 0]);
         // The goal begins at 145 m.
-        assert!((needs[0].last_chance - at(0) - (145.0 - 30.0 - RESERVE)).abs() < 0.5, "{needs:?}");
+        assert!((needs[0].last_chance - at(0) - (145.0 - 30.0 - CHANGE_RESERVE)).abs() < 0.5, "{needs:?}");
         assert_eq!(needs[2].last_chance, f64::INFINITY);
     }
 

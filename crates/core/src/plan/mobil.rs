@@ -40,11 +40,11 @@ settings! {
     pub struct IdmMobilSettings as IdmMobil(idm: IdmSettings) {
         /// Politeness p: weight of the gains and losses of the followers.
         politeness: f64 = 0.2, between(-10.0, 10.0);
-        /// A change must gain more than this.
+        /// Smallest gain of a lane change.
         changing_threshold: f64 ["m/s²"] = 0.1, between(0.0, 100.0);
-        /// The new follower must not have to brake harder than this, b_safe.
+        /// Largest deceleration b_safe that a lane change may impose on the new follower.
         safe_deceleration: f64 ["m/s²"] = 4.0, positive(100.0);
-        /// Bias for each lane nearer to the one that leads to the goal.
+        /// Bias for each lane nearer to the lane that leads to the goal.
         bias: f64 ["m/s²"] = 0.3, between(0.0, 100.0);
         /// Duration of a lane change.
         lane_change_duration: f64 ["s"] = 4.0, between(1.0, 60.0);

@@ -284,9 +284,9 @@ impl PlanningMemory {
         self.effort
     }
 
-    /// What the sampling planner is asked to tell about its next choice, and told about the last one.
-    pub(crate) fn told(&mut self) -> &mut frenet::Told {
-        self.frenet.told()
+    /// The cost terms of the last choice of the sampling planner.
+    pub(crate) fn cost_breakdown(&mut self) -> &mut frenet::CostBreakdown {
+        self.frenet.breakdown()
     }
 }
 

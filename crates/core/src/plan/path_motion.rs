@@ -13,7 +13,7 @@ const LENGTH_MIN: f64 = 8.0;
 /// ... so that steering stays below this curvature [1/m] at low speed (a quintic's largest second derivative is 5.77
 /// times the offset over the squared length).
 const CURVATURE_WANTED: f64 = 0.12;
-/// If the vehicle cannot drive it, the length is raised by this factor, so many times.
+/// Factor that lengthens the motion if the vehicle cannot drive it, and how often.
 const LENGTH_FACTOR: f64 = 1.6;
 const ATTEMPTS: usize = 4;
 
@@ -21,8 +21,8 @@ const ATTEMPTS: usize = 4;
 const BESIDE: [f64; 9] = [0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0, -1.0];
 /// ... reached within this time [s].
 const BESIDE_TIME: f64 = 1.5;
-/// Near the middle of a lane that is as straight as this no vehicle leaves the road: offset [m], curvature [1/m], examined
-/// every so many metres.
+/// No vehicle leaves the road this near the middle of a lane this straight: offset [m], curvature [1/m], and the step
+/// of the examination [m].
 const HARMLESS_OFFSET: f64 = 0.4;
 const STRAIGHT_CURVATURE: f64 = 0.02;
 const STRAIGHT_STEP: f64 = 3.0;

@@ -6,13 +6,13 @@ use super::learned::{Action, ActionSpace};
 use super::{Other, PlanRequest, PlanResult};
 use crate::error::{Error, Result};
 use crate::network::linear::{Linear, relu};
-use crate::observation::{Body, ObservationMemory, ObservationSettings, Observer, PathTable, layout, observe};
+use crate::observation::{ObservationMemory, ObservationSettings, ObservedBody, Observer, PathTable, layout, observe};
 use crate::trajectory::Trajectory;
 
 /// Weights of a layer: (outputs, inputs) row-major, and bias (outputs,).
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerWeights {
-    /// What it is called, for messages.
+    /// Its name, for messages.
     pub name: String,
     /// Row-major.
     pub weight: Vec<f32>,
@@ -54,7 +54,7 @@ impl PartialEq for SharedPolicy {
 pub(super) struct PolicyMemory {
     inputs: Vec<f32>,
     outputs: Vec<f32>,
-    bodies: Vec<Body>,
+    bodies: Vec<ObservedBody>,
     observation: ObservationMemory,
 }
 
@@ -71,11 +71,11 @@ impl Policy {
     ) -> Result<Self> {
         space.check()?;
         if !space.is_kinematic() {
-            return Err(Error::invalid("actions: a policy as a planner needs those of the single-track model"));
+            return Err(Error::invalid("actions: a policy used as a planner needs actions of the single-track model"));
         }
         observation.validate()?;
         if observation.raster {
-            return Err(Error::invalid("observation.raster: a policy as a planner observes numbers only"));
+            return Err(Error::invalid("observation.raster: a policy used as a planner observes numbers only"));
         }
         let mut n_in = layout::length(&observation);
         let mut made = Vec::new();
@@ -161,9 +161,9 @@ pub(super) fn plan(
 }
 
 /// Others are sorted by id, so their order stands for it.
-fn body((order, other): (usize, &Other<'_>)) -> Body {
+fn body((order, other): (usize, &Other<'_>)) -> ObservedBody {
     let what = (other.shape.extent(), other.kind, other.is_static);
-    let mut body = Body::of(order as i64, other.pose, other.velocity, what);
+    let mut body = ObservedBody::of(order as i64, other.pose, other.velocity, what);
     body.predicted = Some(other.row);
     body
 }

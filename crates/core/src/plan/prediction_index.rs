@@ -27,7 +27,11 @@ impl PredictionIndex {
         write_directions(orientation, valid, x, y);
         let region = |mode: usize| {
             let steps = mode * n_steps..(mode + 1) * n_steps;
-            let way = Way { x: &predictions.x[steps.clone()], y: &predictions.y[steps.clone()], valid: &valid[steps] };
+            let way = ModePositions {
+                x: &predictions.x[steps.clone()],
+                y: &predictions.y[steps.clone()],
+                valid: &valid[steps],
+            };
             around(positions[mode / n_modes], way)
         };
         Self { axes, regions: (0..predictions.ids.len() * n_modes).map(region).collect() }
@@ -54,14 +58,14 @@ impl PredictionIndex {
 
 /// Positions of one mode, as far as they are known.
 #[derive(Debug, Clone, Copy)]
-struct Way<'a> {
+struct ModePositions<'a> {
     x: &'a [f64],
     y: &'a [f64],
     valid: &'a [bool],
 }
 
-/// A box around a position and those that follow, along the way from the first to the last.
-fn around(now: Point, way: Way) -> OrientedBox {
+/// A box around a position and the following positions, along the way from the first to the last.
+fn around(now: Point, way: ModePositions) -> OrientedBox {
     let Some(last) = way.valid.iter().rposition(|valid| *valid) else {
         return OrientedBox { center: now, axis: Point::new(1.0, 0.0), half_length: 0.0, half_width: 0.0 };
     };
@@ -79,11 +83,11 @@ fn around(now: Point, way: Way) -> OrientedBox {
 
 multiversion! {
     /// How far the positions are behind, ahead, right and left of a place.
-    fn spread = spread_at, (from: Point, axis: Point, way: Way) -> [f64; 4]
+    fn spread = spread_at, (from: Point, axis: Point, way: ModePositions) -> [f64; 4]
 }
 
 #[inline(always)]
-fn spread_at(from: Point, axis: Point, Way { x, y, valid }: Way) -> [f64; 4] {
+fn spread_at(from: Point, axis: Point, ModePositions { x, y, valid }: ModePositions) -> [f64; 4] {
     const LANES: usize = 4;
     let n = x.len();
     let (y, valid) = (&y[..n], &valid[..n]);
@@ -132,14 +136,14 @@ mod tests {
         let at = |i: f64| Point::new(5.0 + i, 7.0 + i) + Point::new(-0.5, 0.5) * (i * (8.0 - i) / 16.0);
         let (x, y): (Vec<f64>, Vec<f64>) = (1..=9).map(|i| at(f64::from(i.min(8)))).map(|p| (p.x, p.y)).unzip();
         let mut valid = [true; 9];
-        let way = Way { x: &x, y: &y, valid: &valid };
+        let way = ModePositions { x: &x, y: &y, valid: &valid };
         let region = around(at(0.0), way);
         assert_eq!(spread(at(0.0), region.axis, way), spread_at(at(0.0), region.axis, way));
         assert!((0..=8).all(|i| region.contains(at(f64::from(i)))));
         assert!((2.0 * region.half_length - 8.0 * 2.0_f64.sqrt()).abs() < 1e-9, "{region:?}");
         assert!((2.0 * region.half_width - 0.5_f64.sqrt()).abs() < 1e-9, "{region:?}");
         valid = [false; 9];
-        let alone = around(Point::new(3.0, 4.0), Way { x: &x, y: &y, valid: &valid });
+        let alone = around(Point::new(3.0, 4.0), ModePositions { x: &x, y: &y, valid: &valid });
         assert_eq!((alone.center, alone.half_length, alone.half_width), (Point::new(3.0, 4.0), 0.0, 0.0));
     }
     #[test]
@@ -150,7 +154,7 @@ mod tests {
             let number = |valid: bool, random: &mut Lcg| if valid { random.within(-30.0, 30.0) } else { f64::NAN };
             let x: Vec<f64> = valid.iter().map(|valid| number(*valid, &mut random)).collect();
             let y: Vec<f64> = valid.iter().map(|valid| number(*valid, &mut random)).collect();
-            let way = Way { x: &x, y: &y, valid: &valid };
+            let way = ModePositions { x: &x, y: &y, valid: &valid };
             let region = around(Point::new(1.0, 2.0), way);
             assert!(region.contains(Point::new(1.0, 2.0)));
             assert!((0..n).filter(|k| valid[*k]).all(|k| region.contains(Point::new(x[k], y[k]))), "{n}");

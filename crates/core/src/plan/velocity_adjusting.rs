@@ -17,9 +17,9 @@ const ON_SCHEDULE: f64 = 1.0;
 const VELOCITY_TIME: f64 = 0.5;
 const PLACE_TIME: f64 = 1.0;
 /// A vehicle slower than recorded at its place by more than this [m/s] accelerates with the car-following model.
-const SLOW: f64 = 0.3;
+const SLOWER_BY: f64 = 0.3;
 /// A late vehicle passes a place where it stood, and has left by then, at this speed [m/s].
-const PASSING: f64 = 2.0;
+const PASSING_SPEED: f64 = 2.0;
 /// Places nearer than this are the same [m].
 const SAME_PLACE: f64 = 0.02;
 /// Lateral acceleration in curves beyond the end of the recording [m/s²].
@@ -56,7 +56,7 @@ fn undisturbed(
     if clock >= last {
         let wish = recorded_path.last_velocity().min(speed_limit);
         let wish = if wish < RECORDING_STOPPED_SPEED { 0.0 } else { wish };
-        return if velocity < wish || velocity > wish + SLOW {
+        return if velocity < wish || velocity > wish + SLOWER_BY {
             law.free(velocity, wish)
         } else {
             (wish - velocity) / dt
@@ -69,9 +69,12 @@ fn undisturbed(
         return change + (recorded - velocity) / VELOCITY_TIME + place / (PLACE_TIME * PLACE_TIME);
     }
     // Where it stood, and drove on since, it does not stand again.
-    let (recorded, change) =
-        if recorded < PASSING && recorded_path.drives_on(clock) { (PASSING, 0.0) } else { (recorded, change) };
-    if velocity < recorded - SLOW {
+    let (recorded, change) = if recorded < PASSING_SPEED && recorded_path.drives_on(clock) {
+        (PASSING_SPEED, 0.0)
+    } else {
+        (recorded, change)
+    };
+    if velocity < recorded - SLOWER_BY {
         return law.free(velocity, recorded).max(change);
     }
     (change + (recorded - velocity) / VELOCITY_TIME).max(-2.0 * law.deceleration.max(-change))

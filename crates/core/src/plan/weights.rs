@@ -3,7 +3,7 @@
 use super::frenet::{CostWeights, FrenetSettings, N_TERMS};
 use crate::error::{Error, Result};
 
-/// A weight becomes at least and at most so many times what it was at first, when changes add up.
+/// Smallest and largest factor between a changed weight and its first value, when changes add up.
 const SHARES: (f64, f64) = (0.001, 2.0);
 /// The largest change in one decision, as a share of the first weight, when changes add up.
 const SHARE_STEP: f64 = 0.1;
@@ -37,14 +37,14 @@ impl WeightActions {
         self.planner.validate()?;
         let weights = self.planner.weights.as_array();
         if self.terms.is_empty() {
-            return Err(Error::invalid("actions: no weight to be changed"));
+            return Err(Error::invalid("actions: no weight to change"));
         }
         for (i, term) in self.terms.iter().enumerate() {
             let Some(name) = CostWeights::NAMES.get(*term) else {
                 return Err(Error::invalid(format!("actions: there is no weight {term}")));
             };
             if self.terms[..i].contains(term) {
-                return Err(Error::invalid(format!("actions: the weight of {name} is there twice")));
+                return Err(Error::invalid(format!("actions: the weight of {name} occurs twice")));
             }
             if weights[*term] == 0.0 {
                 return Err(Error::invalid(format!("actions: weight of {name} is 0 and cannot be scaled")));
@@ -131,8 +131,8 @@ mod tests {
     fn weights_of_zero_and_terms_that_are_there_twice_are_named() {
         for (terms, text) in [
             (vec![6], "actions: weight of lateral_velocity is 0 and cannot be scaled"),
-            (vec![1, 1], "actions: the weight of distance_to_reference is there twice"),
-            (vec![], "actions: no weight to be changed"),
+            (vec![1, 1], "actions: the weight of distance_to_reference occurs twice"),
+            (vec![], "actions: no weight to change"),
             (vec![13], "actions: there is no weight 13"),
         ] {
             let error = WeightActions { terms, ..actions(WeightChange::Absolute) }.check().expect_err(text);

@@ -4,19 +4,19 @@ use super::waiting::narrowed;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::Predictions;
 
-/// Twice the standard deviation along the way leads at most so far beside a bend [m].
-const BESIDE: f64 = 0.5;
-/// The curvature is that between so long before and after [s].
-const INTERVAL: f64 = 0.3;
+/// Largest distance beside a bend to which twice the standard deviation along the way may lead [m].
+const SPREAD_OFFSET_MAX: f64 = 0.5;
+/// Half the interval over which the curvature is measured [s].
+const CURVATURE_INTERVAL: f64 = 0.3;
 /// Ways with less curvature are straight [1/m].
-const STRAIGHT: f64 = 0.01;
+const STRAIGHT_CURVATURE: f64 = 0.01;
 /// Over less than this [m] no curvature can be told.
 const WAY_MIN: f64 = 0.1;
 
 /// Narrows the spread along the way of all modes of a row where they bend: a standard deviation s along a bend of
 /// curvature k lies 0.5 k (2 s)² beside it at twice its length.
 pub fn narrow_in_bends(table: &mut Predictions, row: usize, dt: f64) {
-    let steps = ((INTERVAL / dt).round() as usize).max(1);
+    let steps = ((CURVATURE_INTERVAL / dt).round() as usize).max(1);
     for mode in 0..table.n_modes {
         if table.probability[row * table.n_modes + mode] <= 0.0 {
             continue;
@@ -27,10 +27,10 @@ pub fn narrow_in_bends(table: &mut Predictions, row: usize, dt: f64) {
             let (a, b) = (start + k.saturating_sub(steps), start + (k + steps).min(n - 1));
             let way = Point::new(table.x[b] - table.x[a], table.y[b] - table.y[a]).norm();
             let turned = wrap_angle(table.orientation[b] - table.orientation[a]).abs();
-            if way < WAY_MIN || turned <= STRAIGHT * way {
+            if way < WAY_MIN || turned <= STRAIGHT_CURVATURE * way {
                 continue;
             }
-            let (i, spread) = (start + k, (0.5 * BESIDE * way / turned).sqrt());
+            let (i, spread) = (start + k, (0.5 * SPREAD_OFFSET_MAX * way / turned).sqrt());
             let covariance = (table.covariance_xx[i], table.covariance_xy[i], table.covariance_yy[i]);
             (table.covariance_xx[i], table.covariance_xy[i], table.covariance_yy[i]) =
                 narrowed(covariance, table.orientation[i], spread);

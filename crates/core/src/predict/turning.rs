@@ -6,18 +6,19 @@ use crate::road::RoadNetwork;
 use crate::rules::Turning;
 use crate::trajectory::Predictions;
 
-/// A mode takes another way once it is so near to its middle, and so much farther from that of the shown one [m].
-const NEAR: f64 = 2.0;
-const FARTHER: f64 = 1.5;
+/// A mode takes another way once it is this near to the middle of that way, and this much farther from the shown way
+/// [m].
+const WAY_RADIUS: f64 = 2.0;
+const WAY_EXCESS: f64 = 1.5;
 /// Modes are looked at so often [s].
-const INTERVAL: f64 = 0.3;
-/// The shown way is searched so far around the expected place [m].
-const WINDOW: f64 = 20.0;
+const LOOK_INTERVAL: f64 = 0.3;
+/// Distance around the expected place within which the shown way is searched [m].
+const WAY_WINDOW: f64 = 20.0;
 
 /// The way that a vehicle shows.
 #[derive(Debug, Clone, Copy)]
 pub struct ShownWay<'a> {
-    /// What it does at the fork.
+    /// Its turn at the fork.
     pub turning: &'a Turning,
     /// Its path.
     pub path: &'a ReferencePath,
@@ -25,15 +26,15 @@ pub struct ShownWay<'a> {
     pub from: (Point, f64),
 }
 
-/// Probabilities of the modes of a row, with a step of `dt` [s], without those that take another way than the one that the
-/// vehicle shows; `None` if there is no such mode, or no other.
+/// Probabilities of the modes of a row, with a step of `dt` [s], without the modes that take another way than the one
+/// the vehicle shows; `None` if there is no such mode, or no other.
 pub fn turn(table: &Predictions, row: usize, way: &ShownWay, road: &RoadNetwork, dt: f64) -> Option<Vec<f64>> {
     let n = table.n_modes;
     let stated = &table.probability[row * n..(row + 1) * n];
     if stated.iter().filter(|one| **one > 0.0).count() < 2 {
         return None;
     }
-    let stride = ((INTERVAL / dt).round() as usize).max(1);
+    let stride = ((LOOK_INTERVAL / dt).round() as usize).max(1);
     let elsewhere = |mode: usize| {
         let start = table.offset(row, mode);
         let steps = (start..start + table.n_steps).skip(stride - 1).step_by(stride).take_while(|i| table.valid[*i]);
@@ -49,13 +50,13 @@ fn takes_another_way(place: Point, way: &ShownWay, road: &RoadNetwork) -> bool {
     let lanelets = road.lanelets();
     let is_near = |other: &usize| {
         let foot = lanelets[*other].center.project(place);
-        (foot.s > 0.0 && foot.s < lanelets[*other].length && foot.distance < NEAR).then_some(foot.distance)
+        (foot.s > 0.0 && foot.s < lanelets[*other].length && foot.distance < WAY_RADIUS).then_some(foot.distance)
     };
     let nearest = way.turning.others.iter().filter_map(is_near).fold(f64::INFINITY, f64::min);
     let (position, s) = way.from;
     let aside =
-        || way.path.project_near(place, s + place.distance(position), WINDOW).map_or(f64::INFINITY, |foot| foot.1);
-    nearest.is_finite() && aside().abs() > nearest + FARTHER
+        || way.path.project_near(place, s + place.distance(position), WAY_WINDOW).map_or(f64::INFINITY, |foot| foot.1);
+    nearest.is_finite() && aside().abs() > nearest + WAY_EXCESS
 }
 
 #[cfg(test)]
@@ -89,7 +90,7 @@ mod tests {
         table
     }
 
-    /// What is left of the modes if it shows the way onto the lanelet straight on (1) or to the left (2).
+    /// The remaining modes if it shows the way onto the lanelet straight on (1) or to the left (2).
     fn kept(table: &Predictions, lanelet: usize) -> Option<Vec<f64>> {
         let road = fork();
         let way = [straight_on, left][lanelet - 1];

@@ -194,7 +194,7 @@ mod tests {
     /// The line [m]: the centre stands 2.25 m before it.
     const LINE: f64 = 20.0;
 
-    /// Straight on along x with a speed, so far aside of it, for 8 s.
+    /// Straight on along x with a speed and a lateral offset, for 8 s.
     fn expected(velocity: f64, y: f64) -> (Predictions, State) {
         let mut table = Predictions::empty(0, vec![7], 1, 80);
         table.probability[0] = 1.0;

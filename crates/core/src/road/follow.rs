@@ -13,7 +13,7 @@ const KNOT_SPACING: f64 = 1.0;
 const HEADING_REACH: f64 = 2.0;
 /// The curvature is the change of heading this far [m] to both sides.
 const CURVATURE_REACH: f64 = 3.0;
-/// ... and at most so many knots: lanelets of less than a millimetre must not cost more than others.
+/// ... and this number of knots: lanelets of less than a millimetre must not cost more than others.
 const REACH_KNOTS_MAX: f64 = 3000.0;
 /// How straight a branch is shows after this length [m].
 const BRANCH_LENGTH: f64 = 20.0;
@@ -117,8 +117,7 @@ impl Chains {
     }
 }
 
-/// Successors and predecessors of every lanelet: those that are lanes for all its users first, of these those that bend
-/// least first, equal ones by id.
+/// Successors and predecessors of every lanelet, sorted: lanes for all its users first, then by least bend, then by id.
 pub(super) fn straightest(lanelets: &[Lanelet]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     let chord = |i: usize, from: f64, to: f64| {
         let line = &lanelets[i].center;

@@ -5,7 +5,7 @@ use super::coverage::{DrivableArea, Ground};
 use super::grid::Grid;
 use crate::geometry::Point;
 
-/// A cell of the index is divided into so many per side.
+/// Parts per side into which a cell of the index is divided.
 const PARTS: usize = 5;
 
 /// What cells of half a metre are (larger on large maps), so that a point costs one look-up unless an edge is near.

@@ -6,11 +6,11 @@ use super::RoadNetwork;
 use crate::geometry::{Point, Pose};
 
 /// Ways that are farther apart in height than this [m] do not meet.
-const CLEARANCE: f64 = 3.0;
-/// Of two ways one above the other that fit a pose as well, the one that leads along its heading is meant [rad].
-const AGAINST: f64 = 0.1;
-/// On a slope the way from one to another is at most so many times their distance, and so much more [m].
-const DETOUR: f64 = 1.5;
+const HEIGHT_CLEARANCE: f64 = 3.0;
+/// Heading difference [rad] by which, of two equally good ways above each other, the way along the heading is chosen.
+const ALIGNED_BY: f64 = 0.1;
+/// On a slope the way between two participants is at most their distance times this factor plus this length [m].
+const DETOUR_FACTOR: f64 = 1.5;
 const DETOUR_MIN: f64 = 10.0;
 
 /// Points of the middle of each lanelet with their heights [m]; none where a map does not state them.
@@ -49,17 +49,17 @@ impl RoadNetwork {
         best.map(|(_, height)| height)
     }
 
-    /// Height of what is at a pose [m]: that of the lanelet there whose direction, or its opposite, fits best. `None` where
-    /// the map states none.
+    /// Height at a pose [m]: that of the lanelet there whose direction, or its opposite, fits best. `None` where the
+    /// map states none.
     pub fn height_at(&self, pose: Pose) -> Option<f64> {
-        let aside = |error: f64| if error.abs() > FRAC_PI_2 { PI - error.abs() + AGAINST } else { error.abs() };
+        let aside = |error: f64| if error.abs() > FRAC_PI_2 { PI - error.abs() + ALIGNED_BY } else { error.abs() };
         let found = self.matching(pose, 0.0, PI);
         let best = found.iter().min_by(|a, b| aside(a.heading_error).total_cmp(&aside(b.heading_error)))?;
         self.height_of(best.lanelet, pose.position)
     }
 
-    /// Height at a pose of what was at another height a moment before [m]: nothing jumps from one way to the one above.
-    /// What is beside all lanelets keeps its height.
+    /// Height at a pose of a participant that was at another height a moment before [m]: nothing jumps from one road to
+    /// the road above. A participant beside all lanelets keeps its height.
     pub fn height_from(&self, before: Option<f64>, pose: Pose) -> Option<f64> {
         let Some(before) = before else { return self.height_at(pose) };
         let here = self.lanelets_at(pose.position);
@@ -115,7 +115,7 @@ impl RoadNetwork {
 
     /// The lanelets ahead lead to what is beside or ahead without much of a detour: it is on the same slope.
     fn leads_to(&self, (pose, height): (Pose, Option<f64>), (other, there): (Pose, Option<f64>)) -> bool {
-        let reach = DETOUR * pose.position.distance(other.position) + DETOUR_MIN;
+        let reach = DETOUR_FACTOR * pose.position.distance(other.position) + DETOUR_MIN;
         let lanelets_at = |pose: Pose, height| {
             self.lanelets_at(pose.position).into_iter().filter(move |one| self.is_level(*one, pose.position, height))
         };
@@ -170,13 +170,13 @@ impl RoadNetwork {
     }
 }
 
-/// What is at these heights [m] does not meet; where one is not known, it does.
+/// Whether participants at these heights [m] are too far apart to meet; never if a height is unknown.
 pub fn heights_are_apart(one: Option<f64>, other: Option<f64>) -> bool {
     one.zip(other).is_some_and(|(one, other)| apart(one, other))
 }
 
 fn apart(one: f64, other: f64) -> bool {
-    (one - other).abs() > CLEARANCE
+    (one - other).abs() > HEIGHT_CLEARANCE
 }
 
 #[cfg(test)]

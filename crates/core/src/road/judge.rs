@@ -14,12 +14,12 @@ use crate::vehicle::Vehicle;
 /// A lane bends where its curvature over 6 m is at least this [1/m].
 const BEND_CURVATURE: f64 = 0.08;
 /// Edges are parted into pieces of this length [m] when bends are looked for ...
-const PIECE: f64 = 1.0;
-/// ... but into no more than so many, so that the cost follows the number of points and not the metres.
+const PIECE_LENGTH: f64 = 1.0;
+/// ... but into at most this many, so that the cost follows the number of points and not the metres.
 const PIECES_MAX: f64 = 64.0;
 /// An edge belongs to lanelets that are within this distance of it [m].
-const BESIDE: f64 = 0.05;
-/// Points on the outline of a body are so far apart [m] when its overhang is measured, up to `PIECES_MAX` on a side.
+const EDGE_DISTANCE: f64 = 0.05;
+/// Spacing of the points on the outline of a body at which its overhang is measured [m], up to `PIECES_MAX` on a side.
 const OUTLINE_SPACING: f64 = 0.5;
 
 choice! {
@@ -102,7 +102,7 @@ impl RoadNetwork {
         let (mut edges, mut bends) = (Vec::new(), Vec::new());
         let mut near = Vec::new();
         for edge in &self.area.edges {
-            let n = (edge.a.distance(edge.b) / PIECE).ceil().clamp(1.0, PIECES_MAX) as usize;
+            let n = (edge.a.distance(edge.b) / PIECE_LENGTH).ceil().clamp(1.0, PIECES_MAX) as usize;
             let at = |i: usize| edge.a.lerp(edge.b, i as f64 / n as f64);
             let bent: Vec<bool> = (0..n).map(|i| self.is_bend(at(i).lerp(at(i + 1), 0.5), &mut near)).collect();
             let mut from = 0;
@@ -119,7 +119,7 @@ impl RoadNetwork {
 
     /// A lane at the point bends.
     fn is_bend(&self, point: Point, near: &mut Vec<usize>) -> bool {
-        self.find_lanelets_near(point, BESIDE, near);
+        self.find_lanelets_near(point, EDGE_DISTANCE, near);
         near.iter().any(|&lanelet| {
             let s = self.lanelets[lanelet].center.project(point).s;
             self.curves[lanelet].curvature_at(s).abs() >= BEND_CURVATURE

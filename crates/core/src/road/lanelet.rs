@@ -15,7 +15,7 @@ const SUCCESSOR_GAP_MAX: f64 = 3.0;
 const OVERLAP_MIN: f64 = 0.5;
 /// Middles of overlapping lanelets are at most this far apart [m].
 const OVERLAP_OFFSET_MAX: f64 = 1.0;
-/// What is left of a lanelet that is cut is no shorter than this [m].
+/// Smallest length of a cut lanelet [m].
 const CUT_LENGTH_MIN: f64 = 1.0;
 
 /// A lanelet of the network. Relations are indices into `RoadNetwork::lanelets`.
@@ -202,7 +202,7 @@ fn paired(left: &[Point], right: &[Point]) -> (Vec<Point>, Vec<Point>) {
     (along(&left_line), along(&right_line))
 }
 
-/// Lanelets sorted by id, with relations completed, and what was cut off where they overlap.
+/// Lanelets sorted by id, with relations completed, and the parts cut off where they overlap.
 pub(super) fn linked(mut inputs: Vec<LaneletInput>) -> Result<(Vec<Lanelet>, Vec<Filler>)> {
     if inputs.is_empty() {
         return Err(Error::invalid("a road network needs at least one lanelet"));
@@ -267,8 +267,8 @@ fn overlap(before: &Lanelet, after: &Lanelet) -> f64 {
     }
 }
 
-/// Cuts lanelets where all their successors start before their end, and those that start before the end of all their
-/// predecessors, so that arc lengths add up along a lane. Returns what was cut off.
+/// Cuts lanelets where all their successors start before their end, and lanelets that start before the end of all their
+/// predecessors, so that arc lengths add up along a lane. Returns the parts cut off.
 fn cut_overlaps(lanelets: &mut [Lanelet]) -> Result<Vec<Filler>> {
     let least = |overlaps: &mut dyn Iterator<Item = f64>| overlaps.reduce(f64::min).unwrap_or(0.0);
     let ends: Vec<f64> = lanelets
@@ -292,7 +292,7 @@ fn cut_overlaps(lanelets: &mut [Lanelet]) -> Result<Vec<Filler>> {
     Ok(cut_off)
 }
 
-/// A neighbour that states no neighbour on the shared side gets the one that named it.
+/// A neighbour without a neighbour on the shared side gets the lanelet that named it.
 fn return_adjacency(lanelets: &mut [Lanelet]) {
     for i in 0..lanelets.len() {
         for (stated, is_left) in [(lanelets[i].adjacent_left, true), (lanelets[i].adjacent_right, false)] {

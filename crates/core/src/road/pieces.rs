@@ -1,4 +1,4 @@
-//! Road edges in pieces of similar length, for those who observe them.
+//! Road edges in pieces of similar length, for observations.
 
 use super::RoadNetwork;
 use super::edges::Segment;
@@ -7,7 +7,7 @@ use crate::geometry::{Aabb, Point};
 
 /// Longest piece [m].
 const LENGTH_MAX: f64 = 5.0;
-/// Vertices of the map may lie so far [m] beside the piece that replaces them.
+/// Largest distance of map vertices from the piece that replaces them [m].
 const DEVIATION_MAX: f64 = 0.1;
 /// Ends within this distance [m] are the same point.
 const SAME_POINT: f64 = 1e-6;
@@ -44,7 +44,7 @@ impl EdgePieces {
         &self.pieces
     }
 
-    /// Visits the pieces in the cells of a box, in ascending order within a cell; one that lies in several cells is visited
+    /// Visits the pieces in the cells of a box, in ascending order within a cell; a piece in several cells is visited
     /// in each of them.
     pub(crate) fn visit_near(&self, aabb: &Aabb, mut visit: impl FnMut(usize, &Segment)) {
         let Some(range) = self.grid.range(aabb) else { return };
@@ -79,8 +79,8 @@ fn cut(whole: Segment, pieces: &mut Vec<Segment>) {
 }
 
 impl RoadNetwork {
-    /// The road edges in pieces of at most 5 m: longer ones are cut into equal parts, shorter ones that follow each other
-    /// are joined if that moves the border by at most 0.1 m. Made when they are asked for first.
+    /// The road edges in pieces of at most 5 m: longer ones are cut into equal parts, consecutive shorter ones are
+    /// joined if that moves the border by at most 0.1 m. Built on first use.
     pub fn edge_pieces(&self) -> &EdgePieces {
         self.pieces.get_or_init(|| EdgePieces::new(self.road_edges()))
     }

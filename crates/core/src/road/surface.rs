@@ -8,8 +8,8 @@ use crate::geometry::{Aabb, Point};
 const SEAM_TOLERANCE: f64 = 1e-7;
 /// Triangles smaller than this [m²] cover nothing.
 const AREA_MIN: f64 = 1e-9;
-/// Triangles may be in so many cells altogether, those of real maps are in far fewer: one that covers the whole of a large
-/// map must not cost a megabyte.
+/// Largest number of cells that all triangles occupy together, far more than on real maps: a triangle that covers all
+/// of a large map must not cost a megabyte.
 const ENTRIES_MAX: usize = 1 << 22;
 const ENTRIES_PER_TRIANGLE: usize = 256;
 

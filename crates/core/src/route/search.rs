@@ -172,8 +172,8 @@ impl Search<'_> {
     }
 }
 
-/// The starts that fit best: of those that contain the position, if any does, by heading, then by offset. Lanelets beside the
-/// position are left to the search, which counts a lane change for them.
+/// The starts that fit best: among starts that contain the position, if any does, by heading, then by offset. Lanelets
+/// beside the position are left to the search, which counts a lane change for them.
 pub(super) fn best_starts(road: &RoadNetwork, starts: &[LaneMatch], position: Point) -> Vec<LaneMatch> {
     let inside = road.lanelets_at(position);
     let contains = |start: &&LaneMatch| inside.is_empty() || inside.contains(&start.lanelet);

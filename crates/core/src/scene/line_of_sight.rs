@@ -217,11 +217,11 @@ fn extremes(corners: &[Point]) -> Option<Range> {
     Some(range)
 }
 
-/// For each body whether any of it can be seen from `eye`; false for those that are not wanted.
+/// For each body whether any of it can be seen from `eye`; false for bodies that are not wanted.
 ///
 /// A body is seen unless every direction in which it lies is taken by a nearer body that hides. Bodies around the eye
-/// are seen and hide nothing; a body hides nothing of itself. Where two bodies overlap, the one that is nearer in the
-/// middle of the directions they share counts as nearer. The order of the bodies does not matter.
+/// are seen and hide nothing; a body hides nothing of itself. Where two bodies overlap, the body that is nearer in the
+/// middle of their shared directions counts as nearer. The order of the bodies does not matter.
 pub fn seen_from(eye: Point, bodies: &[SightBody<'_>]) -> Vec<bool> {
     let bounds = |body: &SightBody<'_>| {
         let (distance, radius) = (body.pose.position.distance(eye), body.shape.bounding_radius());

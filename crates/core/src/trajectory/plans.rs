@@ -37,7 +37,7 @@ pub struct Obstruction {
 }
 
 impl Obstruction {
-    /// One that is nowhere in particular.
+    /// A rejection without a place.
     pub fn nowhere(rejection: &str) -> Self {
         Self { rejection: rejection.into(), at: Point::new(f64::NAN, f64::NAN), overhang: f64::NAN }
     }
@@ -90,14 +90,14 @@ impl Plans {
         }
     }
 
-    /// Becomes a table of rows of two points without a plan; memory is reused.
-    pub(crate) fn clear(&mut self, time_step: i64, ids: impl Iterator<Item = i64>) {
+    /// Becomes a table of rows without a plan; memory is reused.
+    pub(crate) fn clear(&mut self, time_step: i64, ids: impl Iterator<Item = i64>, n_points: usize) {
         self.ids.clear();
         self.ids.extend(ids);
-        (self.time_step, self.n_points) = (time_step, 2);
+        (self.time_step, self.n_points) = (time_step, n_points);
         let n = self.ids.len();
         self.points.clear();
-        self.points.resize(2 * n, Self::NO_POINT);
+        self.points.resize(n * n_points, Self::NO_POINT);
         self.status.clear();
         self.status.resize(n, PlanStatus::None);
         self.cost.clear();

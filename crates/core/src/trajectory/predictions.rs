@@ -107,7 +107,7 @@ impl Predictions {
         }
     }
 
-    /// Becomes a table of so many rows without any expectation and without ids; the memory is reused.
+    /// Becomes a table of `n_rows` rows without expectations and ids; the memory is reused.
     pub(crate) fn clear(&mut self, time_step: i64, n_rows: usize, n_modes: usize, n_steps: usize) {
         let n = n_rows * n_modes * n_steps;
         (self.time_step, self.n_modes, self.n_steps) = (time_step, n_modes, n_steps);
@@ -225,7 +225,9 @@ impl Predictions {
         }
         if self.n_modes == 0 || self.n_steps == 0 {
             let (n_modes, n_steps) = (self.n_modes, self.n_steps);
-            return Err(Error::invalid(format!("predictions: {n_modes} modes of {n_steps} steps are no prediction")));
+            return Err(Error::invalid(format!(
+                "predictions need at least one mode and one step, got {n_modes} x {n_steps}"
+            )));
         }
         for (row, id) in self.ids.iter().enumerate() {
             let modes = &self.probability[row * self.n_modes..(row + 1) * self.n_modes];

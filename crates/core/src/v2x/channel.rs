@@ -24,14 +24,14 @@ pub fn steps_to_arrival(delay: f64, dt: f64) -> i64 {
 
 /// The way of a message: time step of sending, ids of sender and receiver, code of the service.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way {
+pub(super) struct Transmission {
     pub(super) time_step: i64,
     pub(super) sender: i64,
     pub(super) receiver: i64,
     pub(super) service: i64,
 }
 
-impl Way {
+impl Transmission {
     fn drawn(&self, seed: u64, purpose: i64) -> f64 {
         uniform(seed, &[purpose, self.time_step, self.sender, self.receiver, self.service])
     }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use super::V2xSettings;
 use super::inbox::Inbox;
-use super::message::{Body, Claim, Message, PlanPoint};
+use super::message::{Claim, Message, Payload, PlanPoint};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
@@ -158,8 +158,8 @@ impl Standpoint {
             agent.front > begin || (begin - agent.front < stopping && lane.next(agent.front, begin).is_none())
         };
         self.passes.extend(zones.iter().filter(|zone| is_passed(zone.passage.0)).map(|zone| zone.id));
-        let arrival_of = |place: usize| match inbox.heard[place].mcm.as_ref().map(|message| &message.body) {
-            Some(Body::Mcm { claim: Some(claim), .. }) => Some(claim.arrival),
+        let arrival_of = |place: usize| match inbox.heard[place].mcm.as_ref().map(|message| &message.payload) {
+            Some(Payload::Mcm { claim: Some(claim), .. }) => Some(claim.arrival),
             _ => None,
         };
         // One with a claim may be ahead, one without makes claims pointless.
@@ -219,8 +219,8 @@ impl Standpoint {
         };
         let mut all =
             vec![Claimant { id: agent.id, claim, areas: &self.areas, yields_to: yielded, passes: &self.passes }];
-        all.extend(plans(inbox, agent.place).filter_map(|(_, message)| match &message.body {
-            Body::Mcm { claim: Some(claim), areas, yields_to, passes, .. } => {
+        all.extend(plans(inbox, agent.place).filter_map(|(_, message)| match &message.payload {
+            Payload::Mcm { claim: Some(claim), areas, yields_to, passes, .. } => {
                 Some(Claimant { id: message.sender, claim: *claim, areas, yields_to, passes })
             }
             _ => None,

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
-use super::message::{Body, Message, Object, PlanPoint};
+use super::message::{Message, Object, Payload, PlanPoint};
 use super::network::Network;
 use super::trigger::interpolated;
 use crate::geometry::shape::Shape;
@@ -26,7 +26,7 @@ const SHORTEST_PLAN: f64 = 1.0;
 /// An agent this much faster or slower than planned [m/s] does not follow its plan.
 const SPEED_DEVIATION: f64 = 2.0;
 /// The distance between an agent in sight and its plan fades within this time [s].
-const FADING: f64 = 1.0;
+const FADING_TIME: f64 = 1.0;
 /// Variance of the position of something that stands [m²].
 const STANDING_VARIANCE: f64 = 0.02;
 
@@ -101,7 +101,7 @@ enum Filling {
     Bar(f64),
 }
 
-/// The additional rows so far.
+/// The additional rows.
 #[derive(Debug, Default)]
 struct Additional {
     extras: Vec<Extra>,
@@ -246,7 +246,7 @@ impl Network {
     }
 
     fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
-        let Body::Mcm { status, is_emergency, spacing, points, .. } = &message.body else { return None };
+        let Payload::Mcm { status, is_emergency, spacing, points, .. } = &message.payload else { return None };
         // The next plan of an emergency is another one: it says no more than a short plan.
         if *is_emergency || ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
             return None;
@@ -291,7 +291,7 @@ impl Network {
     }
 
     fn write_plan(&self, out: &mut Predictions, row: usize, message: &Message, age: f64, off: Point) {
-        let Body::Mcm { spacing, points, .. } = &message.body else { unreachable!("only plans are written") };
+        let Payload::Mcm { spacing, points, .. } = &message.payload else { unreachable!("only plans are written") };
         let settings = &self.settings;
         out.probability[row * out.n_modes] = 1.0;
         let start = out.offset(row, 0);
@@ -301,7 +301,7 @@ impl Network {
             let t = age + ahead;
             let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
             has_stood &= velocity.abs() < STANDSTILL_SPEED;
-            let left = (1.0 - ahead / FADING).max(0.0);
+            let left = (1.0 - ahead / FADING_TIME).max(0.0);
             let (along, across) = if has_stood {
                 (STANDING_VARIANCE, STANDING_VARIANCE)
             } else {

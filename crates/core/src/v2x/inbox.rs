@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::message::{Body, Message, Object};
+use super::message::{Message, Object, Payload};
 
 /// Newest messages of a sender.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +18,8 @@ pub(super) struct Heard {
 pub(super) struct Inbox {
     /// By the sender's place among the equipped agents.
     pub(super) heard: Vec<Heard>,
-    /// Newest report by object, with its time step and sender; of equally new ones that of the smaller id.
+    /// Newest report by object, with its time step and sender; of equally new reports, the sender with the smaller id
+    /// counts.
     pub(super) objects: BTreeMap<i64, (i64, usize, Object)>,
 }
 
@@ -30,10 +31,10 @@ impl Inbox {
     /// Keeps a message unless a newer one of the same kind is here.
     pub(super) fn file(&mut self, sender: usize, message: &Arc<Message>) {
         let heard = &mut self.heard[sender];
-        let kept = match &message.body {
-            Body::Cam(_) => &mut heard.cam,
-            Body::Mcm { .. } => &mut heard.mcm,
-            Body::Cpm(objects) => {
+        let kept = match &message.payload {
+            Payload::Cam(_) => &mut heard.cam,
+            Payload::Mcm { .. } => &mut heard.mcm,
+            Payload::Cpm(objects) => {
                 for object in objects {
                     let new = (message.time_step, sender, *object);
                     let kept = self.objects.entry(object.id).or_insert(new);

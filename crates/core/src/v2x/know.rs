@@ -33,24 +33,24 @@ pub struct Known {
     pub age: f64,
     /// Row in the table of expectations.
     pub row: usize,
-    /// Place among those present; `None` for those that its sensors do not see.
+    /// Row among the present participants; `None` if its sensors do not see it.
     pub seen: Option<usize>,
 }
 
 /// Below this speed [m/s] a participant stays where it was.
-const STANDING: f64 = 0.3;
+const STANDING_SPEED: f64 = 0.3;
 /// Below this rate [rad/s] a participant goes straight on.
-const STRAIGHT: f64 = 1e-3;
+const STRAIGHT_YAW_RATE: f64 = 1e-3;
 
 /// Where a participant is some time after a state was told [s], at constant speed and yaw rate.
 pub(super) fn moved(told: &Status, age: f64) -> State {
     let state = told.state;
     let (v, w) = (state.velocity, state.yaw_rate);
-    if v.abs() < STANDING {
+    if v.abs() < STANDING_SPEED {
         return State { acceleration: 0.0, yaw_rate: 0.0, ..state };
     }
     let (sin, cos) = state.orientation.sin_cos();
-    if w.abs() < STRAIGHT {
+    if w.abs() < STRAIGHT_YAW_RATE {
         return State { x: state.x + v * age * cos, y: state.y + v * age * sin, ..state };
     }
     let heading = state.orientation + w * age;

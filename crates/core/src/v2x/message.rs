@@ -75,7 +75,7 @@ pub struct Claim {
 
 /// What a message says besides its sender.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Body {
+pub enum Payload {
     /// State.
     Cam(Status),
     /// State and plan: points `spacing` [s] apart, the first one at the time of sending.
@@ -113,7 +113,7 @@ pub struct Message {
     /// Id of the sender.
     pub sender: i64,
     /// What it says.
-    pub body: Body,
+    pub payload: Payload,
 }
 
 /// Bytes of a CAM.
@@ -132,40 +132,41 @@ const CPM_BYTES: [usize; 2] = [121, 35];
 impl Message {
     /// Its service.
     pub fn service(&self) -> Service {
-        match self.body {
-            Body::Cam(_) => Service::Cam,
-            Body::Mcm { .. } => Service::Mcm,
-            Body::Cpm(_) => Service::Cpm,
+        match self.payload {
+            Payload::Cam(_) => Service::Cam,
+            Payload::Mcm { .. } => Service::Mcm,
+            Payload::Cpm(_) => Service::Cpm,
         }
     }
 
-    /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and flags,
-    /// 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of those that it yields to or passes, 6 an area.
+    /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and
+    /// flags, 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of an agent that it yields to or
+    /// passes, 6 an area.
     pub fn bytes(&self) -> usize {
-        match &self.body {
-            Body::Cam(_) => CAM_BYTES,
-            Body::Mcm { points, way, claim, yields_to, passes, areas, .. } => {
+        match &self.payload {
+            Payload::Cam(_) => CAM_BYTES,
+            Payload::Mcm { points, way, claim, yields_to, passes, areas, .. } => {
                 let plan = MCM_BYTES[0] + MCM_BYTES[1] * points.len() + MCM_BYTES[2] * way.len();
                 let ids = yields_to.len() + passes.len();
                 plan + CLAIM_BYTES * usize::from(claim.is_some()) + ID_BYTES * ids + AREA_BYTES * areas.len()
             }
-            Body::Cpm(objects) => CPM_BYTES[0] + CPM_BYTES[1] * objects.len(),
+            Payload::Cpm(objects) => CPM_BYTES[0] + CPM_BYTES[1] * objects.len(),
         }
     }
 
     /// State of the sender; `None` if the message does not say it.
     pub fn status(&self) -> Option<&Status> {
-        match &self.body {
-            Body::Cam(status) | Body::Mcm { status, .. } => Some(status),
-            Body::Cpm(_) => None,
+        match &self.payload {
+            Payload::Cam(status) | Payload::Mcm { status, .. } => Some(status),
+            Payload::Cpm(_) => None,
         }
     }
 
-    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids of
-    /// those that the sender passes last.
+    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids
+    /// of agents that the sender passes last.
     pub(super) fn cut(&mut self, max_bytes: usize) {
         let mut over = self.bytes().saturating_sub(max_bytes);
-        if let Body::Mcm { points, way, yields_to, passes, areas, .. } = &mut self.body {
+        if let Payload::Mcm { points, way, yields_to, passes, areas, .. } = &mut self.payload {
             shorten(way, MCM_BYTES[2], &mut over);
             shorten(points, MCM_BYTES[1], &mut over);
             shorten(areas, AREA_BYTES, &mut over);
@@ -175,7 +176,7 @@ impl Message {
     }
 }
 
-/// Drops the last entries, of so many bytes each, until a message is no longer `over` its size, or none is left.
+/// Drops the last entries, of `bytes` bytes each, until a message is no longer `over` its size, or none is left.
 fn shorten<T>(entries: &mut Vec<T>, bytes: usize, over: &mut usize) {
     let dropped = over.div_ceil(bytes).min(entries.len());
     entries.truncate(entries.len() - dropped);

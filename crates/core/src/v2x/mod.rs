@@ -26,6 +26,6 @@ pub(crate) use expect::Observer;
 pub use expect::{Expectations, Extra};
 pub use know::{Known, Via};
 pub use log::{Log, Logged, Row};
-pub use message::{Body, Claim, Message, Object, PlanPoint, Service, Status};
+pub use message::{Claim, Message, Object, Payload, PlanPoint, Service, Status};
 pub(crate) use network::{Network, Speaker};
 pub use settings::V2xSettings;

@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::V2xSettings;
-use super::channel::{Way, reception};
+use super::channel::{Transmission, reception};
 use super::claims::{Agreement, Bar, Negotiator, Neighbour, Situation, Standpoint};
 use super::inbox::Inbox;
 use super::log::{Log, Logged, Row};
-use super::message::{Body, Message, Object, PlanPoint, Status, WAY_SPACING, objects_max};
+use super::message::{Message, Object, Payload, PlanPoint, Status, WAY_SPACING, objects_max};
 use super::trigger::Sent;
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -102,7 +102,7 @@ impl Network {
         &self.log
     }
 
-    /// Stretches in which agents held for others, so far.
+    /// Stretches in which agents held for others.
     pub(crate) fn agreements(&self) -> &[Agreement] {
         &self.agreements
     }
@@ -133,19 +133,19 @@ impl Network {
         self.ids.binary_search(&id).ok()
     }
 
-    /// Sends what is due at a time step. Speakers by ascending id; `listeners` are places and positions of the equipped
-    /// agents that are present.
+    /// Sends the messages due at a time step. Speakers by ascending id; `listeners` are places and positions of the
+    /// equipped agents that are present.
     pub(crate) fn send(&mut self, now: i64, speakers: Vec<Speaker<'_>>, listeners: &[(usize, Point)]) {
         for mut speaker in speakers {
             let from = speaker.state.pose().position;
             let status = Status::rounded(speaker.kind, &speaker.state, speaker.extent);
             if self.settings.cam && self.sent[speaker.place].cam(now, &speaker.state, self.dt) {
-                self.broadcast(now, speaker.place, from, Body::Cam(status), listeners);
+                self.broadcast(now, speaker.place, from, Payload::Cam(status), listeners);
             }
             if self.settings.mcm
-                && let Some(body) = self.maneuver(now, &speaker, status)
+                && let Some(payload) = self.maneuver(now, &speaker, status)
             {
-                self.broadcast(now, speaker.place, from, body, listeners);
+                self.broadcast(now, speaker.place, from, payload, listeners);
             }
             let sent = &mut self.sent[speaker.place];
             if self.settings.cpm && sent.is_list_due(now, self.dt) {
@@ -153,14 +153,14 @@ impl Network {
                 let seen = std::mem::take(&mut speaker.objects);
                 let objects = sent.objects(now, &speaker.state, seen, n_max, self.dt);
                 if !objects.is_empty() {
-                    self.broadcast(now, speaker.place, from, Body::Cpm(objects), listeners);
+                    self.broadcast(now, speaker.place, from, Payload::Cpm(objects), listeners);
                 }
             }
         }
     }
 
     /// The message with a speaker's plan, if it is due.
-    fn maneuver(&mut self, now: i64, speaker: &Speaker<'_>, status: Status) -> Option<Body> {
+    fn maneuver(&mut self, now: i64, speaker: &Speaker<'_>, status: Status) -> Option<Payload> {
         let V2xSettings { plan_spacing: spacing, plan_horizon, mcm_interval, way_ahead, .. } = self.settings;
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);
@@ -180,7 +180,7 @@ impl Network {
             PlanPoint::rounded(&state)
         });
         let (way, points) = (way.collect(), points.clone());
-        Some(Body::Mcm {
+        Some(Payload::Mcm {
             status,
             is_emergency: speaker.is_emergency,
             spacing,
@@ -194,8 +194,8 @@ impl Network {
         })
     }
 
-    fn broadcast(&mut self, now: i64, sender: usize, from: Point, body: Body, listeners: &[(usize, Point)]) {
-        let mut message = Message { time_step: now, sender: self.ids[sender], body };
+    fn broadcast(&mut self, now: i64, sender: usize, from: Point, payload: Payload, listeners: &[(usize, Point)]) {
+        let mut message = Message { time_step: now, sender: self.ids[sender], payload };
         message.cut(self.settings.max_bytes);
         let (service, message) = (message.service(), Arc::new(message));
         let (mut in_range, mut received) = (0, 0);
@@ -204,8 +204,12 @@ impl Network {
             let distance = position.distance(from);
             let is_near = distance <= self.settings.range;
             let probability = reception(&self.settings, distance);
-            let way =
-                Way { time_step: now, sender: self.ids[sender], receiver: self.ids[receiver], service: service as i64 };
+            let way = Transmission {
+                time_step: now,
+                sender: self.ids[sender],
+                receiver: self.ids[receiver],
+                service: service as i64,
+            };
             let arrival = way.arrival(&self.settings, self.seed, probability, self.dt);
             if is_near || arrival.is_some() {
                 in_range += 1;
@@ -219,17 +223,17 @@ impl Network {
             }
             self.queue[ahead].push(Delivery { sender, receiver, message: Arc::clone(&message) });
         }
-        let (objects, points) = match &message.body {
-            Body::Cam(_) => (0, 0),
-            Body::Mcm { points, .. } => (0, points.len()),
-            Body::Cpm(objects) => (objects.len(), 0),
+        let (objects, points) = match &message.payload {
+            Payload::Cam(_) => (0, 0),
+            Payload::Mcm { points, .. } => (0, points.len()),
+            Payload::Cpm(objects) => (objects.len(), 0),
         };
         let (sender, bytes) = (self.ids[sender], message.bytes());
         let row = Row { time_step: now, sender, service, bytes, objects, points, in_range, received, link: None };
         self.log.note(row, &self.links);
     }
 
-    /// Files what arrives at a time step, and forgets what is too old then.
+    /// Files messages that arrive at a time step, and discards messages that are too old.
     pub(crate) fn file(&mut self, now: i64) {
         self.heard.fill(0);
         let mut arrived = self.queue.pop_front().unwrap_or_default();

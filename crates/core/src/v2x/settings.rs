@@ -6,17 +6,17 @@ use crate::settings::{between, positive, settings};
 settings! {
     /// Cooperation of agents by V2X messages.
     pub struct V2xSettings as V2xSettings {
-        /// Share of the agents that have V2X; 0: cooperation is off.
+        /// Share of agents equipped with V2X; 0: no cooperation.
         penetration: f64 = 0.0, between(0.0, 1.0);
         /// Equipped agents send their state (cooperative awareness).
         cam: bool = true;
         /// Equipped agents send their plan (maneuver coordination).
         mcm: bool = true;
-        /// Equipped agents send what their sensors see (collective perception).
+        /// Equipped agents send the objects that they see (collective perception).
         cpm: bool = false;
         /// Constant part of the delay.
         delay: f64 ["s"] = 0.0, between(0.0, 10.0);
-        /// Largest part of the delay that is drawn, uniformly from 0 on.
+        /// Largest random part of the delay, drawn uniformly from 0.
         jitter: f64 ["s"] = 0.0, between(0.0, 10.0);
         /// Probability that a receiver within range loses a message.
         loss: f64 = 0.0, between(0.0, 1.0);
@@ -24,25 +24,25 @@ settings! {
         range: f64 ["m"] = 300.0, positive(1e6);
         /// Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
         fading: bool = false;
-        /// Agents whose ways cross agree which goes first.
+        /// Agents whose paths cross agree who goes first.
         negotiate: bool = false;
-        /// Distance that an agent that yields keeps to the road that both need.
+        /// Distance that a yielding agent keeps to the conflict zone.
         hold_margin: f64 ["m"] = 1.0, between(0.3, 5.0);
-        /// Time between two messages with the plan, unless the plan changes.
+        /// Time between messages with the plan, unless the plan changes.
         mcm_interval: f64 ["s"] = 0.1, positive(10.0);
-        /// Largest message; plans, claims and lists of objects are cut to fit.
+        /// Largest message; plans, claims and object lists are truncated to fit.
         max_bytes: usize ["B"] = 1100, between(300.0, 65_535.0);
-        /// Older messages are forgotten.
+        /// Age above which messages are discarded.
         age_max: f64 ["s"] = 1.5, positive(60.0);
-        /// Time between the points of a plan that is sent.
+        /// Time between the points of a sent plan.
         plan_spacing: f64 ["s"] = 0.2, between(0.01, 10.0);
-        /// How much of a plan is sent.
+        /// Duration of the part of a plan that is sent.
         plan_horizon: f64 ["s"] = 3.0, between(1.0, 60.0);
-        /// How much of its reference path an agent sends.
+        /// Length of the reference path ahead that an agent sends.
         way_ahead: f64 ["m"] = 80.0, between(10.0, 1_000.0);
-        /// An agent that is this far from where its plan was is no longer expected to follow it.
+        /// Distance from its sent plan beyond which an agent is no longer expected to follow it.
         deviation: f64 ["m"] = 1.0, positive(100.0);
-        /// Standard deviation of a position that a plan states.
+        /// Standard deviation of the positions of a sent plan.
         plan_sigma: f64 ["m"] = 0.1, positive(10.0);
         /// Growth of that standard deviation along the heading.
         plan_along: f64 ["m/s"] = 0.3, between(0.0, 10.0);

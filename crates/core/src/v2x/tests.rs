@@ -1,4 +1,4 @@
-use super::channel::Way;
+use super::channel::Transmission;
 use super::*;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
@@ -30,7 +30,7 @@ fn reception_ends_at_the_range_or_fades() {
 fn losses_of_two_receivers_have_nothing_to_do_with_each_other() {
     let settings = V2xSettings { loss: 0.3, ..V2xSettings::default() };
     let is_lost = |time_step, receiver| {
-        let way = Way { time_step, sender: 1, receiver, service: 0 };
+        let way = Transmission { time_step, sender: 1, receiver, service: 0 };
         way.arrival(&settings, 0, reception(&settings, 50.0), 0.1).is_none()
     };
     let n = 100_000;
@@ -90,7 +90,7 @@ fn an_object_is_reported_when_it_is_new_or_has_changed_or_after_a_second_and_the
 
 #[test]
 fn a_plan_that_is_too_long_loses_its_way_first() {
-    let body = Body::Mcm {
+    let payload = Payload::Mcm {
         status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
         is_emergency: false,
         spacing: 0.2,
@@ -103,10 +103,10 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
         is_ordered: false,
     };
     let cut = |max_bytes| {
-        let mut message = Message { time_step: 0, sender: 1, body: body.clone() };
+        let mut message = Message { time_step: 0, sender: 1, payload: payload.clone() };
         message.cut(max_bytes);
         assert!(message.bytes() <= max_bytes);
-        let Body::Mcm { points, way, .. } = message.body else { unreachable!() };
+        let Payload::Mcm { points, way, .. } = message.payload else { unreachable!() };
         (points.len(), way.len())
     };
     assert_eq!(cut(1100), (16, 21));
@@ -120,7 +120,7 @@ fn every_entry_of_a_message_counts_and_what_is_agreed_is_cut_last() {
     let mcm = |n_yields: i64, n_passes: i64, n_areas| Message {
         time_step: 0,
         sender: 1,
-        body: Body::Mcm {
+        payload: Payload::Mcm {
             status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
             is_emergency: false,
             spacing: 0.2,
@@ -140,7 +140,7 @@ fn every_entry_of_a_message_counts_and_what_is_agreed_is_cut_last() {
     let left = |mut message: Message, max_bytes| {
         message.cut(max_bytes);
         assert!(message.bytes() <= max_bytes);
-        let Body::Mcm { points, way, yields_to, passes, areas, .. } = message.body else { unreachable!() };
+        let Payload::Mcm { points, way, yields_to, passes, areas, .. } = message.payload else { unreachable!() };
         (way.len(), points.len(), areas.len(), yields_to.len(), passes.len())
     };
     assert_eq!(left(mcm(0, 100, 0), 1100), (21, 16, 0, 0, 100));
@@ -154,7 +154,7 @@ fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
     let mut inbox = inbox::Inbox::new(2);
     let message = |time_step: i64| {
         let status = Status::rounded(ParticipantKind::Car, &State::default(), (4.5, 1.8));
-        std::sync::Arc::new(Message { time_step, sender: 1, body: Body::Cam(status) })
+        std::sync::Arc::new(Message { time_step, sender: 1, payload: Payload::Cam(status) })
     };
     let newest = |inbox: &inbox::Inbox| inbox.heard[1].cam.as_ref().map(|message| message.time_step);
     [3, 5, 4].into_iter().for_each(|time_step| inbox.file(1, &message(time_step)));

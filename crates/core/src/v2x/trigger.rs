@@ -11,11 +11,11 @@ const HEADING_CHANGE: f64 = 4.0 * std::f64::consts::PI / 180.0;
 const POSITION_CHANGE: f64 = 4.0;
 const SPEED_CHANGE: f64 = 0.5;
 /// Shortest and longest time between states [s].
-const SHORTEST: f64 = 0.1;
-const LONGEST: f64 = 1.0;
-/// For so many states the interval of the last change is kept.
-const REPEATS: u32 = 3;
-/// A planned point this far [m] from the one that was sent for the same time is news.
+const INTERVAL_MIN: f64 = 0.1;
+const INTERVAL_MAX: f64 = 1.0;
+/// Number of states for which the interval of the last change is kept.
+const INTERVAL_REPEATS: u32 = 3;
+/// Distance of a planned point from the point sent for the same time that triggers a message [m].
 const PLAN_CHANGE: f64 = 0.5;
 
 fn has_changed(now: &State, then: &State) -> bool {
@@ -47,19 +47,19 @@ impl Sent {
     /// A state is to be sent; notes that it is.
     pub(super) fn cam(&mut self, now: i64, state: &State, dt: f64) -> bool {
         let Some((then, sent)) = self.cam else {
-            (self.cam, self.interval) = (Some((now, *state)), LONGEST);
+            (self.cam, self.interval) = (Some((now, *state)), INTERVAL_MAX);
             return true;
         };
         let passed = (now - then) as f64 * dt;
-        if passed < SHORTEST - 1e-9 {
+        if passed < INTERVAL_MIN - 1e-9 {
             return false;
         }
         if has_changed(state, &sent) {
-            (self.interval, self.repeats) = (passed.clamp(SHORTEST, LONGEST), 0);
+            (self.interval, self.repeats) = (passed.clamp(INTERVAL_MIN, INTERVAL_MAX), 0);
         } else if is_due(now, then, self.interval, dt) {
             self.repeats += 1;
-            if self.repeats >= REPEATS {
-                self.interval = LONGEST;
+            if self.repeats >= INTERVAL_REPEATS {
+                self.interval = INTERVAL_MAX;
             }
         } else {
             return false;
@@ -107,16 +107,17 @@ impl Sent {
 
     /// Objects are looked at now.
     pub(super) fn is_list_due(&self, now: i64, dt: f64) -> bool {
-        self.cpm.is_none_or(|then| is_due(now, then, SHORTEST, dt))
+        self.cpm.is_none_or(|then| is_due(now, then, INTERVAL_MIN, dt))
     }
 
-    /// Which of the objects seen now are to be sent, at most `n_max`: those that were not sent for the longest time, then
-    /// the nearest to the sender, then by id. Notes that they are sent.
+    /// The visible objects to send, at most `n_max`: by the longest time since they were sent, then by distance to the
+    /// sender, then by id. Marks them as sent.
     pub(super) fn objects(&mut self, now: i64, own: &State, seen: Vec<Object>, n_max: usize, dt: f64) -> Vec<Object> {
         let sent = &self.objects;
         let is_due = |object: &Object| {
-            sent.get(&object.id)
-                .is_none_or(|(then, state)| has_changed(&object.status.state, state) || is_due(now, *then, LONGEST, dt))
+            sent.get(&object.id).is_none_or(|(then, state)| {
+                has_changed(&object.status.state, state) || is_due(now, *then, INTERVAL_MAX, dt)
+            })
         };
         let mut due: Vec<Object> = seen.into_iter().filter(is_due).collect();
         if due.len() > n_max {

@@ -9,11 +9,11 @@ use crate::trajectory::State;
 /// Longest substep [s].
 const SUBSTEP: f64 = 0.1;
 /// Up to this speed [m/s] the yaw rate says nothing about the steering angle.
-const CREEPING: f64 = 0.1;
+const CREEPING_SPEED: f64 = 0.1;
 /// Over shorter ways [m] the change of heading says nothing about the steering angle.
 const NO_TRAVEL: f64 = 1e-6;
 /// Speeds below this [m/s] count as it in the bounds of curvature.
-const SLOW: f64 = 1.0;
+const SPEED_MIN: f64 = 1.0;
 
 choice! {
     /// What the second input is.
@@ -28,16 +28,16 @@ choice! {
 settings! {
     /// Pedals and steering wheel of a single-track model: two numbers from -1 to 1.
     pub struct Kinematic as Kinematic {
-        /// Acceleration for a first number of 1, as far as the engine gets.
+        /// Acceleration for a first number of 1, limited by the engine.
         accelerate: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Deceleration for a first number of -1.
         brake: f64 ["m/s²"] = 8.0, positive(100.0);
-        /// What the second number is. "curvature": that of the path, relative to the largest one. "rate": that of the
-        /// steering angle, relative to the vehicle's largest one.
+        /// Meaning of the second number. "curvature": curvature of the path, relative to `curvature`. "rate": rate of
+        /// the steering angle, relative to the vehicle's limit.
         steering: Steering = Steering::Curvature;
-        /// Largest curvature for "curvature".
+        /// Largest curvature with steering "curvature".
         curvature: f64 ["1/m"] = 0.2, positive(10.0);
-        /// Largest lateral acceleration that "curvature" asks for.
+        /// Largest lateral acceleration with steering "curvature".
         lateral: f64 ["m/s²"] = 4.0, positive(100.0);
     }
 }
@@ -47,7 +47,7 @@ settings! {
 pub struct Moved {
     /// The state.
     pub state: State,
-    /// The vehicle could not do what was asked for.
+    /// The vehicle could not execute the action.
     pub limited: bool,
 }
 
@@ -117,7 +117,7 @@ impl Kinematic {
 
     /// Curvature for a second number of 1 [1/m].
     fn curvature_at(&self, vehicle: &Vehicle, velocity: f64) -> f64 {
-        let by_tyres = self.lateral / velocity.max(SLOW).powi(2);
+        let by_tyres = self.lateral / velocity.max(SPEED_MIN).powi(2);
         vehicle.curvature_max().min(self.curvature).min(by_tyres)
     }
 
@@ -159,13 +159,13 @@ fn substeps(dt: f64) -> f64 {
 
 /// Steering angle of a state [rad], within the limits; `path_curvature` [1/m] is that of the path where it stands.
 pub fn steering_angle(vehicle: &Vehicle, state: &State, path_curvature: f64) -> f64 {
-    let curvature = if state.velocity > CREEPING { state.yaw_rate / state.velocity } else { path_curvature };
+    let curvature = if state.velocity > CREEPING_SPEED { state.yaw_rate / state.velocity } else { path_curvature };
     (vehicle.wheelbase * curvature).atan().clamp(-vehicle.steering_angle_max, vehicle.steering_angle_max)
 }
 
 /// Largest steering angle at a speed: that of the wheels and that of the tyres [rad].
 fn steering_bound(vehicle: &Vehicle, velocity: f64) -> f64 {
-    let by_tyres = (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.max(SLOW).powi(2)).atan();
+    let by_tyres = (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.max(SPEED_MIN).powi(2)).atan();
     vehicle.steering_angle_max.min(by_tyres)
 }
 

@@ -217,7 +217,7 @@ impl World {
         }
     }
 
-    /// Ends an agent by a collision during this step; the earliest contact is the one that counts.
+    /// Ends an agent by a collision during this step; the earliest contact counts.
     fn collide(&mut self, row: usize, partner: Option<usize>, impact_speed: f64, fraction: f64) {
         let time_step = self.time_step + 1;
         let partner = partner.map(|partner| self.participants.ids[partner]);

@@ -71,7 +71,7 @@ impl World {
     ///
     /// # Errors
     /// `WrongTimeStep` if scene or predictions are not of now.
-    pub fn expect(&self, scene: &Scene, predictions: &Predictions) -> Result<Option<Expectations>> {
+    pub(super) fn with_messages(&self, scene: &Scene, predictions: &Predictions) -> Result<Option<Expectations>> {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;

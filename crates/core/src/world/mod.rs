@@ -1,5 +1,5 @@
-//! The running state: participants, time step, outcome per agent. `scene` shows it, `predict` and `plan` read it,
-//! `step` is the only function that changes it.
+//! The running state: participants, time step, outcome per agent. A [`Step`] shows it, predicts and plans;
+//! [`World::step`] is the only function that changes it.
 
 mod advance;
 mod cooperation;
@@ -9,6 +9,7 @@ mod planning;
 mod settings;
 mod staging;
 mod standstill;
+mod step;
 mod storeys;
 #[cfg(test)]
 mod tests;
@@ -38,9 +39,10 @@ use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
 pub(crate) use staging::check_agents;
+pub use step::{Expected, Forecast, Step};
 pub(crate) use threads::Threads;
 
-/// For so many participants, expectations that need no network are made by one thread.
+/// Number of participants up to which one thread makes predictions that need no network.
 const FEW: usize = 12;
 
 /// An agent before the first step.
@@ -283,7 +285,7 @@ impl World {
         &self.participants
     }
 
-    /// What happened so far.
+    /// What has happened.
     pub fn recording(&self) -> &Recording {
         &self.recording
     }

@@ -87,7 +87,7 @@ impl World {
     /// Predictions in which agents take the ways that they show and keep to their lanes there, and those that were told to
     /// wait before a junction do so; `None` if no agent does either. Blinkers and right of way are public: nobody needs
     /// the plan of another one to go by them.
-    pub fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
+    pub(super) fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
             let (Some(turning), Some(row)) = (self.turning(drive), predictions.row(drive.agent.id)) else { continue };

@@ -41,7 +41,7 @@ impl World {
         Some(Barrier { by: Some(wait.by), ..Barrier::lasting(s, BarrierReason::Crosswalk) })
     }
 
-    /// Those who wait now, by ids; a pure function of the present state.
+    /// People who wait now, by ids; a pure function of the present state.
     fn waits(&self) -> &[CrosswalkWait] {
         self.waits.get_or_init(|| self.look_for_people())
     }

@@ -1,10 +1,11 @@
 //! All agents with native planners in one call, on all cores.
 
+use std::borrow::Cow;
 use std::cmp::Reverse;
 use std::sync::atomic::Ordering;
 use std::sync::{MutexGuard, OnceLock};
 
-use super::{Drive, World};
+use super::{Drive, Expected, Step, World};
 use crate::barrier::Barriers;
 use crate::error::Result;
 use crate::geometry::Point;
@@ -18,36 +19,19 @@ use crate::v2x::{Expectations, Extra, Known};
 use crate::vehicle::single_track::Moved;
 
 impl World {
-    /// Plans of all driving agents; rows of agents with planners outside the core are left without a plan.
+    /// Writes the plans of all driving agents; rows of agents with planners outside the core are left without a plan.
     ///
     /// Every agent plans on the same scene and is independent of all others, so the result depends neither on the
     /// number of threads nor on the order.
     ///
     /// # Errors
-    /// `WrongTimeStep` if scene or predictions are not of now.
-    pub fn plan(&self, scene: &Scene, predictions: &Predictions) -> Result<Plans> {
+    /// `WrongTimeStep` if the scene is not of now; `InvalidInput` if it is of another world.
+    pub(super) fn plan(&self, scene: &Scene, expected: &Expected, plans: &mut Plans) -> Result<()> {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
-        self.check_time_step("predictions", predictions.time_step)?;
-        match self.expect(scene, predictions)? {
-            Some(expectations) => self.plan_as_expected(scene, &expectations),
-            None => Ok(self.plan_all(&Crowd::of(scene), scene, &completed(predictions, scene))),
-        }
-    }
-
-    /// The same with what [`World::expect`] says.
-    ///
-    /// # Errors
-    /// `WrongTimeStep` if scene or expectations are not of now.
-    pub fn plan_as_expected(&self, scene: &Scene, expectations: &Expectations) -> Result<Plans> {
-        self.check_time_step("scene", scene.time_step)?;
-        self.check_time_step("predictions", expectations.table.time_step)?;
-        Ok(self.plan_all(&Crowd::told(scene, expectations), scene, &expectations.table))
-    }
-
-    fn plan_all(&self, crowd: &Crowd<'_>, scene: &Scene, predictions: &Predictions) -> Plans {
+        let (crowd, predictions) = &Crowd::expected(scene, expected);
         let prediction_index = PredictionIndex::of(predictions, &crowd.positions);
-        let expected = (predictions, &prediction_index);
+        let expected: (&Predictions, _) = (predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
         let order = self.longest_first(&drives);
@@ -61,7 +45,7 @@ impl World {
         let lengths = results.iter().filter_map(OnceLock::get).map(|result| result.trajectory.points.len());
         let n_points = lengths.max().unwrap_or(0);
         let n_points = n_points.max(predictions.n_steps + 1).max(2);
-        let mut plans = Plans::none(self.time_step, drives.iter().map(|drive| drive.agent.id).collect(), n_points);
+        plans.clear(self.time_step, drives.iter().map(|drive| drive.agent.id), n_points);
         for (row, result) in results.into_iter().enumerate() {
             let Some(result) = result.into_inner() else { continue };
             let points = &result.trajectory.points;
@@ -71,25 +55,21 @@ impl World {
             plans.message[row] = result.message;
             plans.obstructions.extend(result.obstruction.map(|obstruction| (row, obstruction)));
         }
-        plans
+        Ok(())
     }
 
     /// All samples of an agent's planner with cost and reason of rejection; `None` if its planner has none.
     ///
     /// # Errors
-    /// `UnknownId`, `WrongTimeStep`.
-    pub fn candidates(&self, id: i64, scene: &Scene, predictions: &Predictions) -> Result<Option<Candidates>> {
-        self.check_time_step("predictions", predictions.time_step)?;
+    /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if nobody has predicted.
+    pub fn candidates(&self, id: i64, step: &Step) -> Result<Option<Candidates>> {
+        let (scene, expected) = (&*step.scene, step.expected()?);
+        self.check_time_step("scene", scene.time_step)?;
         let drive = &self.drives[self.drive_index(id)?];
         if !matches!(drive.agent.planner, Planner::Frenet(_)) || !drive.is_driving(self.time_step) {
             return Ok(None);
         }
-        let expectations = self.expect(scene, predictions)?;
-        let completed = completed(predictions, scene);
-        let (crowd, table) = match &expectations {
-            Some(expectations) => (Crowd::told(scene, expectations), &*expectations.table),
-            None => (Crowd::of(scene), &*completed),
-        };
+        let (crowd, table) = &Crowd::expected(scene, expected);
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let prediction_index = PredictionIndex::of(table, &crowd.positions);
@@ -135,10 +115,10 @@ impl World {
         let plan = match (&drive.agent.planner, drive.weights) {
             (Planner::Frenet(settings), Some(weights)) => {
                 let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
-                memory.told().is_asked = true;
+                memory.cost_breakdown().enabled = true;
                 let plan = plan::plan(&planner, &drive.prepared, &request, memory);
-                let told = std::mem::take(memory.told());
-                *drive.terms.lock() = told.terms;
+                let breakdown = std::mem::take(memory.cost_breakdown());
+                *drive.terms.lock() = breakdown.terms;
                 plan
             }
             (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
@@ -265,10 +245,12 @@ impl<'a> Crowd<'a> {
         Self { positions: scene.positions(), all: scene.present.iter().enumerate().map(other).collect(), told: None }
     }
 
-    fn told(scene: &'a Scene, expectations: &'a Expectations) -> Self {
+    /// The same with what agents were told, and predictions for all of them.
+    fn expected(scene: &'a Scene, expected: &'a Expected) -> (Self, Cow<'a, Predictions>) {
         let mut crowd = Self::of(scene);
-        crowd.positions.extend(expectations.extras.iter().map(|extra| extra.state.pose().position));
-        Self { told: Some(expectations), ..crowd }
+        let Some(told) = &expected.told else { return (crowd, completed(&expected.predictions, scene)) };
+        crowd.positions.extend(told.extras.iter().map(|extra| extra.state.pose().position));
+        (Self { told: Some(told), ..crowd }, Cow::Borrowed(&told.table))
     }
 
     /// Writes the participants that an agent sees or was told of; `visible` is memory.

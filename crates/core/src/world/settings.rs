@@ -6,26 +6,25 @@ use crate::v2x::{Logged, V2xSettings};
 settings! {
     /// Steps of the world.
     pub struct StepSettings as CoreStepSettings {
-        /// Number of time steps from one plan to the next; in between the last plan is followed.
+        /// Time steps between plans; in between, an agent follows its last plan.
         replan_every: usize = 1, between(1.0, 10_000.0);
-        /// A late agent may continue until its time limit, counted from its start, times this factor.
+        /// Factor on the time limit of an agent, counted from its start, after which a late agent is stopped.
         grace_factor: f64 = 1.7, between(1.0, 1_000.0);
-        /// Number of past time steps in a scene; for time steps shorter than 0.1 s, as many as cover the same time as
-        /// this number of steps of 0.1 s.
+        /// Past time steps in a scene. With time steps shorter than 0.1 s, as many as span the same time at 0.1 s.
         history_steps: usize = 30, between(1.0, 10_000.0);
-        /// Largest number of time steps of a run; agents that are still driving then end with time_limit. 0: 5000, or
-        /// twice the number of recorded time steps, or what the times of all agents need, up to 20000, if that is more.
+        /// Largest number of time steps of a run; agents still driving then end with time_limit. 0: the largest of
+        /// 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up to 20000).
         max_steps: usize = 0, between(0.0, 1_000_000.0);
-        /// A run in which nothing has moved for so long, and nothing is left that could set an agent in motion, ends: its
-        /// agents end with time_limit. The longest cycle of its traffic lights comes on top. inf: only their own times
-        /// end agents. Own choice: several times as long as any rule of the road lets an agent stand.
+        /// Time without any motion, plus the longest cycle of traffic lights, after which a run ends, provided that
+        /// nothing can set an agent in motion any more; its agents end with time_limit. inf: never. The default, our
+        /// choice, is several times longer than any rule of the road lets an agent stand.
         standstill_s: f64 ["s"] = 60.0, positive(f64::INFINITY);
     }
 }
 
 impl StepSettings {
-    /// Number of time steps after which a run of a scenario with so many recorded time steps ends, whose last agent has
-    /// time for `needed` time steps.
+    /// Number of time steps after which a run ends, given the recorded time steps and the `needed` time steps of its
+    /// last agent.
     pub fn steps_at_most(&self, n_recorded: usize, needed: i64) -> usize {
         const OWN_TIMES_MAX: i64 = 20_000;
         let needed = needed.clamp(0, OWN_TIMES_MAX) as usize;

@@ -1,4 +1,4 @@
-//! How a world begins: agents with what is worked out for them once, and the participants.
+//! How a world begins: agents with their precomputed data, and the participants.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
@@ -17,7 +17,7 @@ use crate::scene::{Participants, Storeys};
 /// Past time steps that a scene needs so that speeds can be observed.
 const HISTORY_MIN: usize = 3;
 
-/// An agent with what is worked out for it before the first step.
+/// An agent with the data precomputed before the first step.
 #[derive(Debug, Clone)]
 pub(crate) struct StagedAgent {
     pub(crate) agent: Arc<Agent>,
@@ -162,7 +162,7 @@ impl World {
 pub(crate) fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
     for pair in agents.windows(2) {
         if pair[0].id == pair[1].id {
-            return Err(Error::invalid(format!("agent {} is there twice", pair[0].id)));
+            return Err(Error::invalid(format!("agent {} occurs twice", pair[0].id)));
         }
     }
     for agent in agents {

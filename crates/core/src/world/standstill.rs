@@ -1,14 +1,13 @@
 //! The end of a world in which nothing moves any more.
 
 use super::{Drive, World};
+use crate::conduct::STANDSTILL_SPEED;
 use crate::geometry::Point;
 use crate::recording::OutcomeKind;
 use crate::scenario::Scenario;
 
-/// An agent stands while it is slower than this [m/s] ...
-const SPEED: f64 = 0.05;
-/// ... and no further than this from where it came to stand [m]: one that creeps to its goal does not stand.
-const PLACE: f64 = 0.1;
+/// An agent that stands is no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
+const STANDING_DISTANCE: f64 = 0.1;
 
 /// Where an agent stands, and since which time step.
 #[derive(Debug, Clone, Copy)]
@@ -42,7 +41,8 @@ impl World {
                 continue;
             };
             let at = state.pose().position;
-            let stands = |stand: &Stand| stand.at.distance(at) <= PLACE && state.velocity.abs() < SPEED;
+            let stands =
+                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < STANDSTILL_SPEED;
             let stand = drive.stand.filter(stands).unwrap_or(Stand { at, since: time_step });
             drive.stand = Some(stand);
             let goal = &drive.agent.goal;

@@ -30,7 +30,7 @@ impl Drop for Threads {
 }
 
 impl Threads {
-    /// For work by so many at once, one of them the calling thread.
+    /// Threads for work by `n` at once, one of them the calling thread.
     pub(crate) fn new(n: usize) -> Result<Self> {
         let threads = Self { pool: Mutex::new(None), n };
         if n > 1 {

@@ -11,16 +11,16 @@ use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
 
 /// A vehicle that is not seen is taken to be as large as a car [m].
-const LENGTH: f64 = 4.5;
-const WIDTH: f64 = 1.8;
-/// What is further away than this time at the limit does not matter [s]; places are examined this far apart [m].
+const HIDDEN_LENGTH: f64 = 4.5;
+const HIDDEN_WIDTH: f64 = 1.8;
+/// Largest time at the speed limit within which hidden vehicles matter [s], and spacing of examined places [m].
 const TIME_MAX: f64 = 10.0;
-const STEP: f64 = 2.0;
-/// Its heading is that of a piece of its lane so long before it, or behind it where the lane begins [m].
-const CHORD: f64 = 3.0;
+const LOOK_STEP: f64 = 2.0;
+/// Length of the piece of its lane that gives its heading, before it, or behind it where the lane begins [m].
+const HEADING_CHORD: f64 = 3.0;
 
 /// A place from which a vehicle may come.
-struct Place {
+struct Origin {
     /// Position of the area in `Junctions::areas`.
     area: usize,
     pose: Pose,
@@ -70,7 +70,7 @@ impl World {
                 self.look_back(area, found.sides[1 - side], &look, &mut places);
             }
         }
-        let car = Shape::rectangle(LENGTH, WIDTH);
+        let car = Shape::rectangle(HIDDEN_LENGTH, HIDDEN_WIDTH);
         let all: Vec<_> = places.iter().map(|place| (&car, place.pose, false)).collect();
         let is_seen = scene.would_see(drive.row, view, &all, &may_hide);
         let mut earliest: Vec<Unseen> = Vec::new();
@@ -84,7 +84,7 @@ impl World {
     }
 
     /// Places on the ways that lead to an area, from there backwards, as far as vehicles can come from them.
-    fn look_back(&self, area: usize, side: Side, look: &Look<'_>, places: &mut Vec<Place>) {
+    fn look_back(&self, area: usize, side: Side, look: &Look<'_>, places: &mut Vec<Origin>) {
         let road = &self.scenario.road;
         let mut left = vec![Stretch { lanelet: side.lanelet, front: side.entry, time: 0.0 }];
         let mut known: Vec<(usize, f64)> = Vec::new();
@@ -93,14 +93,14 @@ impl World {
             let limit = if here.speed_limit.is_nan() { SPEED_MAX } else { here.speed_limit.max(0.1) };
             let mut s = front;
             while s >= 0.0 && time <= TIME_MAX && !look.is_blocked(lanelet, s) {
-                let chord = [here.center.at((s - CHORD).max(0.0)), here.center.at(s.max(CHORD))];
+                let chord = [here.center.at((s - HEADING_CHORD).max(0.0)), here.center.at(s.max(HEADING_CHORD))];
                 let heading = (chord[1] - chord[0]).angle();
-                let position = here.center.at(s) - Point::from_angle(heading) * (0.5 * LENGTH);
+                let position = here.center.at(s) - Point::from_angle(heading) * (0.5 * HIDDEN_LENGTH);
                 if position.distance(look.eye) > look.radius {
                     break;
                 }
-                places.push(Place { area, pose: Pose { position, orientation: heading }, time });
-                (s, time) = (s - STEP, time + STEP / limit);
+                places.push(Origin { area, pose: Pose { position, orientation: heading }, time });
+                (s, time) = (s - LOOK_STEP, time + LOOK_STEP / limit);
             }
             if s >= 0.0 {
                 continue;
@@ -116,7 +116,7 @@ impl World {
         }
     }
 
-    /// A red light or a stop sign holds those who come from a lanelet into the next one.
+    /// A red light or a stop sign holds vehicles on the way from a lanelet into the next.
     fn is_held(&self, from: usize, next: usize) -> bool {
         let control = &self.scenario.control;
         control.lines.iter().filter(|line| line.lanelet == from).any(|line| {
@@ -138,6 +138,6 @@ impl Look<'_> {
     /// Something in view stands on a lanelet, its front at an arc length or up to a step before [m].
     fn is_blocked(&self, lanelet: usize, s: f64) -> bool {
         let places = self.blocking.iter().flat_map(|body| &body.places).filter(|place| place.lanelet == lanelet);
-        places.map(|place| place.s + place.to_front).any(|front| front <= s && front > s - STEP)
+        places.map(|place| place.s + place.to_front).any(|front| front <= s && front > s - LOOK_STEP)
     }
 }

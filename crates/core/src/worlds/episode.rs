@@ -7,15 +7,14 @@ use super::stage::{Cast, Stage};
 use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
-use crate::observation::{self, Body, ObservationMemory, Observer, PIXELS, PathTable};
+use crate::observation::{self, ObservationMemory, ObservedBody, Observer, PIXELS, PathTable};
 use crate::plan::Planner;
 use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
 use crate::plan::learned::{Action, ActionSpace};
 use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
-use crate::scene::{Participants, Scene};
-use crate::trajectory::{PlanStatus, Plans, Predictions, State, States};
-use crate::world::{Driver, StepSettings, World, WorldSettings};
+use crate::trajectory::{PlanStatus, Plans, State};
+use crate::world::{Driver, Forecast, Step, StepSettings, World, WorldSettings};
 
 /// Past time steps in a scene, so that speeds can be observed.
 const HISTORY: usize = 3;
@@ -57,7 +56,7 @@ struct Learner {
     components: Amounts,
 }
 
-/// A world and what it needs to be played.
+/// A world and the state of its episode.
 #[derive(Debug, Clone)]
 pub(super) struct Episode {
     world: World,
@@ -69,19 +68,17 @@ pub(super) struct Episode {
     learners: Vec<Learner>,
     /// Agents with planners take part.
     has_traffic: bool,
-    /// Steps so far.
+    /// Steps taken.
     steps: usize,
-    scene: Scene,
-    plans: Plans,
-    bodies: Vec<Body>,
+    /// The step that has begun.
+    step: Step,
+    bodies: Vec<ObservedBody>,
     /// Positions of the bodies.
     positions: Vec<Point>,
-    /// Those that have ended in this step, by row.
-    last_bodies: Vec<Body>,
+    /// Agents that have ended in this step, by row.
+    last_bodies: Vec<ObservedBody>,
     visible: Vec<usize>,
     memory: ObservationMemory,
-    /// Of the scene as it is now, once they are asked for.
-    predictions: Option<Predictions>,
 }
 
 impl Episode {
@@ -91,8 +88,10 @@ impl Episode {
         // Pictures show the past, too.
         let step = StepSettings { history_steps: settings.step.history_steps.max(drawn), ..settings.step };
         let world_settings = WorldSettings { step, keep_recording: settings.record, ..WorldSettings::default() };
+        let world = World::empty(Arc::clone(&stage.scenario), world_settings)?;
         Ok(Self {
-            world: World::empty(Arc::clone(&stage.scenario), world_settings)?,
+            step: Step::begin(&world),
+            world,
             stage: None,
             spec: EpisodeSpec::default(),
             cast: Cast::default(),
@@ -100,21 +99,11 @@ impl Episode {
             learners: Vec::new(),
             has_traffic: false,
             steps: 0,
-            scene: Scene {
-                time_step: 0,
-                dt: 0.1,
-                participants: Arc::new(Participants::default()),
-                present: Vec::new(),
-                turns: Vec::new(),
-                past: States::default(),
-            },
-            plans: Plans::none(0, Vec::new(), 2),
             bodies: Vec::new(),
             positions: Vec::new(),
             last_bodies: Vec::new(),
             visible: Vec::new(),
             memory: ObservationMemory::default(),
-            predictions: None,
         })
     }
 
@@ -187,7 +176,7 @@ impl Episode {
         self.admit();
         while !self.is_anybody_driving() && !self.is_over() {
             self.plan_traffic(settings)?;
-            self.world.step(&self.plans)?;
+            self.world.step(&self.step.plans)?;
             self.look(settings);
             self.admit();
         }
@@ -197,8 +186,8 @@ impl Episode {
         self.expect_for_observers(settings)
     }
 
-    /// Lets learners drive that have entered now; whether there are any. Those that come after the end of the world are
-    /// awaited no more.
+    /// Lets learners drive that have entered now, and returns whether there are any. Learners that would enter after
+    /// the end of the world are no longer awaited.
     fn admit(&mut self) -> bool {
         let mut have_entered = false;
         for learner in self.learners.iter_mut().filter(|learner| learner.is_awaited) {
@@ -238,7 +227,7 @@ impl Episode {
         let mut n_left = n;
         loop {
             self.plan(actions, settings)?;
-            self.world.step(&self.plans)?;
+            self.world.step(&self.step.plans)?;
             self.steps += 1;
             n_left = n_left.saturating_sub(1);
             self.look(settings);
@@ -269,12 +258,8 @@ impl Episode {
 
     /// Predicts what is to come from now on, unless that has been done.
     fn expect(&mut self, settings: &WorldsSettings) -> Result<()> {
-        if self.predictions.is_none() {
-            let horizon = ((settings.horizon / self.scene.dt).round() as usize).max(1);
-            let predictions = self.world.predict(&settings.predictor, &self.scene, horizon)?;
-            self.predictions = Some(self.world.with_rules(&predictions).unwrap_or(predictions));
-        }
-        Ok(())
+        let n_steps = ((settings.horizon / self.world.scenario().dt).round() as usize).max(1);
+        self.step.expect(&self.world, Forecast::Core(&settings.predictor, n_steps))
     }
 
     /// Changes the cost weights of all learners that drive, once in a decision.
@@ -294,10 +279,7 @@ impl Episode {
     fn plan_traffic(&mut self, settings: &WorldsSettings) -> Result<()> {
         if self.has_traffic {
             self.expect(settings)?;
-            let predictions = self.predictions.as_ref().expect("they were just made");
-            self.plans = self.world.plan(&self.scene, predictions)?;
-        } else {
-            self.plans.clear(self.world.time_step(), self.world.driving_ids());
+            self.step.plan(&self.world)?;
         }
         Ok(())
     }
@@ -308,10 +290,10 @@ impl Episode {
         let dt = self.world.scenario().dt;
         for (slot, learner) in self.learners.iter_mut().enumerate().filter(|(_, learner)| learner.is_driving) {
             if settings.actions.weights().is_some() {
-                let row = self.plans.row(learner.id).expect("a learner that drives has a row of its plans");
-                learner.status = self.plans.status[row];
+                let row = self.step.plans.row(learner.id).expect("a learner that drives has a row of its plans");
+                learner.status = self.step.plans.status[row];
                 if learner.is_refused {
-                    refuse(&mut self.plans, row);
+                    refuse(&mut self.step.plans, row);
                 }
                 continue;
             }
@@ -327,11 +309,11 @@ impl Episode {
             match moved {
                 Some(moved) => {
                     learner.limited = moved.limited;
-                    self.plans.set_row(learner.id, &[learner.state, moved.state])?;
+                    self.step.plans.set_row(learner.id, &[learner.state, moved.state])?;
                 }
                 None => {
-                    let row = self.plans.row(learner.id).expect("a learner that drives has a row of its plans");
-                    refuse(&mut self.plans, row);
+                    let row = self.step.plans.row(learner.id).expect("a learner that drives has a row of its plans");
+                    refuse(&mut self.step.plans, row);
                 }
             }
         }
@@ -344,9 +326,8 @@ impl Episode {
         let predicts = self.has_traffic || settings.observation.predictions;
         let history = if predicts { settings.step.history_at(dt) } else { HISTORY };
         let drawn = if settings.observation.raster { observation::past_steps(dt) } else { 0 };
-        self.world.write_scene(history.max(HISTORY).max(drawn), &mut self.scene);
-        self.predictions = None;
-        observation::bodies(&self.scene, settings.observation.raster, &mut self.bodies);
+        self.step.begin_anew(&self.world, history.max(HISTORY).max(drawn));
+        observation::bodies(&self.step.scene, settings.observation.raster, &mut self.bodies);
         self.positions.clear();
         self.positions.extend(self.bodies.iter().map(|body| body.position));
         self.last_bodies.clear();
@@ -357,7 +338,7 @@ impl Episode {
                 && driver.outcome.kind != OutcomeKind::Running
                 && let Some(state) = driver.state
             {
-                self.last_bodies.push(Body::new(&self.scene, driver.row, &state, state.velocity));
+                self.last_bodies.push(ObservedBody::new(&self.step.scene, driver.row, &state, state.velocity));
             }
         }
     }
@@ -366,7 +347,7 @@ impl Episode {
     fn judge(&mut self, slot: usize, weights: &Amounts, rows: &mut Rows<'_>, is_late: bool, settings: &WorldsSettings) {
         let learner = &self.learners[slot];
         let driver = self.world.driver(learner.agent);
-        let (before, dt) = (learner.state, self.scene.dt);
+        let (before, dt) = (learner.state, self.step.scene.dt);
         // One that ends without moving stays where it was.
         let state = driver.state.unwrap_or(before);
         let outcome = driver.outcome;
@@ -396,7 +377,7 @@ impl Episode {
         }
         if weights[term::RECORDED] != 0.0 {
             let obstacles = &self.world.scenario().obstacles.states;
-            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.scene.time_step));
+            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.step.scene.time_step));
             amounts[term::RECORDED] = recorded
                 .map_or(0.0, |recorded| (-0.5 * recorded.pose().position.distance(state.pose().position)).exp() * dt);
         }
@@ -436,12 +417,12 @@ impl Episode {
         if reach <= 0.0 {
             return 0.0;
         }
-        let (pose, storeys) = (state.pose(), &self.scene.participants.storeys);
+        let (pose, storeys) = (state.pose(), &self.step.scene.participants.storeys);
         let eye = pose.position;
         let front = driver.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let radius = driver.agent.view.sensor_radius;
         let mut gap = f64::INFINITY;
-        for (body, row) in self.bodies.iter().zip(&self.scene.present) {
+        for (body, row) in self.bodies.iter().zip(&self.step.scene.present) {
             let distance = body.position.distance(eye);
             let half_length = 0.5 * body.size.0;
             if *row == driver.row || distance > radius || distance > reach + vehicle.length + half_length + 5.0 {
@@ -476,25 +457,26 @@ impl Episode {
             limits: driver.limits,
             goal: &driver.agent.goal,
             road: &self.world.scenario().road,
-            predictions: self.predictions.as_ref(),
+            predictions: self.step.predictions(),
             s: driver.s,
-            time_step: self.scene.time_step,
-            dt: self.scene.dt,
+            time_step: self.step.scene.time_step,
+            dt: self.step.scene.dt,
             last_time_step: driver.last_time_step,
         };
         let bodies = &self.bodies;
         if driver.state.is_some() {
-            self.scene.see(driver.row, &driver.agent.view, &self.positions, &mut self.visible);
+            self.step.scene.see(driver.row, &driver.agent.view, &self.positions, &mut self.visible);
         } else {
             self.visible.clear();
         }
         // Those that have just ended are seen by learners that have just ended only: the others look after that.
         let last = if learner.is_driving { &[][..] } else { &self.last_bodies };
-        let (pose, storeys) = (learner.state.pose(), &self.scene.participants.storeys);
+        let (pose, storeys) = (learner.state.pose(), &self.step.scene.participants.storeys);
         let radius = driver.agent.view.sensor_radius;
-        let is_near = |body: &Body| body.position.distance(pose.position) <= radius;
-        let is_seen =
-            |body: &&Body| body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()));
+        let is_near = |body: &ObservedBody| body.position.distance(pose.position) <= radius;
+        let is_seen = |body: &&ObservedBody| {
+            body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()))
+        };
         let seen = self.visible.iter().map(|place| &bodies[*place]).chain(last.iter().filter(is_seen));
         observation::observe(&observer, seen.clone(), &settings.observation, &mut self.memory, out);
         if !picture.is_empty() {
@@ -544,7 +526,7 @@ impl Episode {
         }
     }
 
-    /// Adds what is to be told about the learners that have ended in this call; `first_row` is that of the world.
+    /// Adds the information about learners that ended in this call; `first_row` is that of the world.
     pub(super) fn tell(&self, first_row: usize, settings: &WorldsSettings, ended: &mut Vec<Ended>) {
         for (slot, learner) in self.learners.iter().enumerate().filter(|(_, learner)| learner.has_ended) {
             let outcome = self.world.driver(learner.agent).outcome;
@@ -563,7 +545,7 @@ impl Episode {
                 off_road: outcome.off_road,
                 impact_speed: outcome.impact_speed,
                 steps: learner.steps,
-                seconds: learner.steps as f64 * self.scene.dt,
+                seconds: learner.steps as f64 * self.step.scene.dt,
                 distance: learner.distance,
                 progress: learner.progress,
                 total: learner.total,

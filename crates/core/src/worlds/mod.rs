@@ -41,7 +41,7 @@ pub struct WorldsSettings {
     pub actions: ActionSpace,
     /// What learners observe.
     pub observation: ObservationSettings,
-    /// What they are rewarded for.
+    /// Weights of their rewards.
     pub rewards: RewardWeights,
     /// Steps of the worlds.
     pub step: StepSettings,
@@ -114,9 +114,9 @@ pub struct Ended {
     pub components: [f64; N_TERMS],
 }
 
-/// A place in which episodes are played one after the other.
+/// The episodes of one world, one after the other.
 #[derive(Debug, Clone)]
-struct Place {
+struct Episodes {
     episode: Episode,
     next: Option<EpisodeSpec>,
     /// Learners that have ended in the last call.
@@ -130,12 +130,12 @@ pub struct Worlds {
     stages: Vec<Arc<Stage>>,
     settings: WorldsSettings,
     slots: usize,
-    places: Vec<Place>,
+    places: Vec<Episodes>,
     threads: Threads,
 }
 
 impl Worlds {
-    /// So many worlds with so many rows each, without episodes.
+    /// `n_worlds` worlds with `slots` rows each, without episodes.
     ///
     /// # Errors
     /// `InvalidInput`: no stage, no world, impossible settings.
@@ -149,7 +149,7 @@ impl Worlds {
         }
         let place = |_| {
             let episode = Episode::new(first, &settings)?;
-            Ok(Place { episode, next: None, ended: Vec::new(), failure: None })
+            Ok(Episodes { episode, next: None, ended: Vec::new(), failure: None })
         };
         let places = (0..n_worlds).map(place).collect::<Result<_>>()?;
         let threads = Threads::new(settings.threads)?;
@@ -219,7 +219,7 @@ impl Worlds {
         self.places.iter().flat_map(|place| &place.ended)
     }
 
-    /// Queues the next episode of a world; the one that was queued is forgotten.
+    /// Queues the next episode of a world, in place of a queued one.
     ///
     /// # Errors
     /// `InvalidInput` for a world, scenario, or learner that does not exist, or more learners than rows.
@@ -295,7 +295,7 @@ impl Worlds {
                 place.play(stages, settings, i * slots, &mut rows);
             }
         } else {
-            let work: Vec<Mutex<(&mut Place, Rows<'_>)>> =
+            let work: Vec<Mutex<(&mut Episodes, Rows<'_>)>> =
                 self.places.iter_mut().zip(buffers.by_world(slots)).map(Mutex::new).collect();
             self.threads.each(work.len(), |_, i| {
                 if let Ok(mut one) = work[i].lock() {
@@ -311,7 +311,7 @@ impl Worlds {
     }
 }
 
-impl Place {
+impl Episodes {
     fn begin(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings) -> Result<()> {
         let spec = self.next.take().ok_or_else(|| Error::invalid("reset: no episode is queued"))?;
         let stage = stages.get(spec.stage).ok_or_else(|| Error::invalid("reset: its scenario is gone"))?;

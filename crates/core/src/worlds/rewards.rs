@@ -8,7 +8,7 @@ settings! {
     ///
     /// The reward of a step is the sum of weight times amount.
     pub struct RewardWeights as RewardWeights {
-        /// Change of the share of the way to the goal that is behind it (of at least 10 m).
+        /// Change of the completed share of the way to the goal (of at least 10 m).
         progress: f64 = 1.0, ANY;
         /// Reached the goal in time.
         goal_reached: f64 = 1.0, ANY;
@@ -38,11 +38,13 @@ settings! {
         path_offset: f64 = -0.05, ANY;
         /// Speed above the limit / limit, by time.
         overspeed: f64 = 0.0, ANY;
-        /// 1 - gap / (1.5 s times speed) if that is positive, to the nearest one seen ahead, by time; 0 unless weighted.
+        /// 1 - gap / (1.5 s times speed), if positive, to the nearest visible participant ahead, by time; 0 unless
+        /// weighted.
         headway: f64 = 0.0, ANY;
-        /// exp(-distance to the own recording now / 2 m), by time; 0 where there is none, and unless weighted.
+        /// exp(-distance to the present position of the own recording / 2 m), by time; 0 without a recording, and
+        /// unless weighted.
         recorded: f64 = 0.0, ANY;
-        /// 1 in a step in which the vehicle could not do what was asked for.
+        /// 1 in a step in which the vehicle could not execute the action.
         limited: f64 = 0.0, ANY;
         /// Mean absolute change of the logarithms (base 10) of cost weights in a decision.
         weight_change: f64 = 0.0, ANY;

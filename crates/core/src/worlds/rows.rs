@@ -38,7 +38,7 @@ impl<'a> Actions<'a> {
     }
 }
 
-/// The arrays of the caller, row-major; those that may be empty are then not written.
+/// The arrays of the caller, row-major; optional ones are empty and then not written.
 #[derive(Debug)]
 pub struct Buffers<'a> {
     /// Actions; not read by a reset.
@@ -70,7 +70,7 @@ pub struct Buffers<'a> {
 /// The part of a world.
 pub(super) type Rows<'a> = Buffers<'a>;
 
-/// Takes a part from the front of what is left.
+/// Takes a part from the front of the remainder.
 fn front<'a, T>(rest: &mut &'a mut [T], n: usize) -> &'a mut [T] {
     let whole = std::mem::take(rest);
     let (part, others) = whole.split_at_mut(n.min(whole.len()));

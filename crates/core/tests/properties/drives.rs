@@ -18,7 +18,7 @@ use interdrive_core::scene::ViewLimits;
 use interdrive_core::trajectory::{PlanStatus, Plans, Predictions, State};
 use interdrive_core::v2x::V2xSettings;
 use interdrive_core::vehicle::Vehicle;
-use interdrive_core::world::{Agent, StepSettings, World, WorldSettings};
+use interdrive_core::world::{Agent, Forecast, Step, StepSettings, World, WorldSettings};
 
 use crate::source::Source;
 use crate::{network, roads, shapes, traffic};
@@ -310,9 +310,11 @@ fn step(
     predictor: &Predictor,
     horizon: usize,
 ) -> interdrive_core::error::Result<()> {
-    let scene = world.scene();
-    let predictions = unsettled(source, world.predict(predictor, &scene, horizon)?);
-    let mut plans = world.plan(&scene, &predictions)?;
+    let mut begun = Step::begin(world);
+    let predictions = unsettled(source, world.predict(predictor, &begun.scene, horizon)?);
+    begun.expect(world, Forecast::Outside(&Arc::new(predictions)))?;
+    begun.plan(world)?;
+    let (mut plans, scene) = (begun.plans.clone(), Arc::clone(&begun.scene));
     for row in 0..plans.ids.len() {
         let id = plans.ids[row];
         let is_written = plans.status[row] == PlanStatus::Planned;
@@ -324,7 +326,7 @@ fn step(
     }
     if source.is_odd() {
         let id = plans.ids.first().copied().unwrap_or_default();
-        world.candidates(id, &scene, &predictions).ok();
+        world.candidates(id, &begun).ok();
     }
     world.step(&plans)?;
     let states = world.recording().last_states(1);

@@ -7,7 +7,7 @@ use interdrive_core::geometry::{Point, Pose};
 
 use crate::source::Source;
 
-/// Any shape that a scenario may hold: one that passes its check.
+/// Any shape that a scenario may hold: it passes its check.
 pub fn shape(source: &mut Source) -> Shape {
     let shape = any_shape(source);
     match shape.check() {

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: A person is on the lane of a vehicle within this distance of its line [m] ...
 _HALF_LANE = 1.75
-#: ... and about to be so much farther away, if they walk towards it with at least this speed [m/s].
+#: ... and this much farther away, if they walk towards it with at least this speed [m/s].
 _NEAR, _WALKING = 2.0, 0.3
 #: Slower vehicles roll, and let the person pass [m/s].
 _ROLLING = 0.5

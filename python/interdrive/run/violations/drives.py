@@ -43,7 +43,7 @@ class Drives:
     """Motion of vehicles that share a road, tables of shape (vehicles, time steps).
 
     Attributes:
-        sources: One of `Violations.SOURCES` each; "" for those that are not judged.
+        sources: One of `Violations.SOURCES` each; "" for vehicles that are not judged.
         ids: Their ids, ascending. kinds: One of `interdrive.scenario.KINDS` each.
         first_time_step: Time step of column 0. dt: Time between columns [s].
         length: Footprint length [m], shape (vehicles,). width: Footprint width [m].
@@ -67,7 +67,7 @@ class Drives:
 
     @property
     def judged(self) -> list[int]:
-        """Positions of those that are judged."""
+        """Positions of the judged vehicles."""
         return [k for k, source in enumerate(self.sources) if source]
 
     @cached_property
@@ -121,7 +121,7 @@ def driven(run: RunRecord) -> Drives:
 
 
 def recorded(run: RunRecord) -> Drives:
-    """The same vehicles as they were recorded; those that became agents are judged."""
+    """The same vehicles as recorded; vehicles that became agents are judged."""
     states, obstacles = run.states, run.scenario.obstacles
     vehicles = np.isin(states.kinds, _VEHICLES) & ~states.is_static
     rows = np.flatnonzero(np.isin(obstacles.ids, states.participant_id[vehicles]) & ~obstacles.is_static)
@@ -139,7 +139,7 @@ def recorded(run: RunRecord) -> Drives:
 
 
 def stretches(holds: Bools, least: float = 1.0) -> list[tuple[int, int]]:
-    """First and last positions of runs of true values that are at least so long."""
+    """First and last positions of runs of true values with a minimum length."""
     change = np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8))
     starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1) - 1
     return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= least - 1e-9]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from interdrive.run.violations.drives import Drives
 
-#: An order to wait is about areas that are at most so far beyond its place [m].
+#: Largest distance of areas beyond the place of an order that concerns them [m].
 _PASSAGE = 40.0
 
 

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from interdrive.run.violations.lines import Passing
     from interdrive.run.violations.ways import Ways
 
-#: The one that goes first must not reach the area sooner than this after the other one has left [s] ...
+#: The vehicle that goes first must not reach the area sooner than this after the other one has left [s] ...
 GAP = 1.0
 #: ... nor need, or show, this deceleration [m/s²] within this time [s], if it is so near [m].
 HARD, HARD_TIME, HARD_REACH = 2.0, 3.0, 30.0
 #: A vehicle that is already so near that stopping takes more than this when it enters the scene cannot wait [m/s²].
 HARDEST = 3.0
-#: A light belongs to an area if its line is at most so far before it [m].
+#: Largest distance of a light's line before an area to which it belongs [m].
 LINE_REACH = 60.0
-#: Standing in an area for so long blocks it [s].
+#: Time of standing in an area after which it is blocked [s].
 BLOCKING_TIME = 3.0
 
 _OPPOSED = AREA_KINDS.index("opposed")
@@ -50,7 +50,7 @@ class Use:
 
 
 def uses(drives: Drives, ways: Ways, areas: Mapping[str, Any]) -> list[tuple[list[Use], list[Use]]]:
-    """For each area those that drive over it on either of its two lanelets."""
+    """For each area the vehicles that drive over it on either of its two lanelets."""
     found: list[tuple[list[Use], list[Use]]] = [([], []) for _ in areas["junction"]]
     sides: dict[int, list[tuple[int, int]]] = {}
     for area, lanelets in enumerate(areas["lanelet"].tolist()):
@@ -136,7 +136,7 @@ def _begin(row: Row) -> int:
 
 
 def _next(drives: Drives, ways: Ways, one: Use, others: Sequence[Use]) -> Use | None:
-    """The nearest of those that go first and come to the area when a vehicle enters it."""
+    """The nearest vehicle that goes first and comes to the area when a vehicle enters it."""
     column = int(one.enters)
     nearest, least = None, np.inf
     for other in others:
@@ -150,7 +150,7 @@ def _next(drives: Drives, ways: Ways, one: Use, others: Sequence[Use]) -> Use | 
 
 
 def _is_held(ways: Ways, other: Use, instant: float, lines: Sequence[Passing]) -> bool:
-    """A light told the one that otherwise goes first to wait, or it has passed a red one."""
+    """A light told the vehicle that otherwise goes first to wait, or that vehicle has passed a red light."""
     near = [
         line
         for line in lines
@@ -168,7 +168,7 @@ def _lets_pass(drives: Drives, one: Use, other: Use) -> bool:
 
 
 def _is_hindered(drives: Drives, ways: Ways, one: Use, other: Use) -> bool:
-    """The one that goes first has to brake hard, or does."""
+    """The vehicle that goes first has to brake hard, or does."""
     k, dt = other.vehicle, drives.dt
     passes = _lets_pass(drives, one, other)
     begin = int(np.ceil(one.enters))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 SPEED_MARGIN, SPEEDING_TIME = 0.5, 0.3
 #: ... unless it has braked at least this hard since its first state [m/s²].
 BRAKING = 1.0
-#: It drives the wrong way if no lanelet below it leads within this angle of its heading [rad], for so long [s].
+#: It drives the wrong way if no lanelet below it leads within this angle of its heading [rad], for this long [s].
 WRONG_WAY, WRONG_WAY_TIME = np.radians(120.0), 1.0
 
 

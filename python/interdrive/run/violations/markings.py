@@ -14,7 +14,7 @@ from interdrive.scenario.control import CLOSED
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.run.violations.ways import Way, Ways
+    from interdrive.run.violations.ways import TakenLanelet, Ways
     from interdrive.scenario import Lanelets
 
     Floats = NDArray[np.float64]
@@ -98,7 +98,7 @@ def _beside(lanelets: Lanelets, row: int, side: str) -> int:
     return place if place < len(lanelets.ids) and lanelets.ids[place] == number else -1
 
 
-def _came(beyond: Bools, way: Way, taken: list[Way], beside: int) -> Bools:
+def _came(beyond: Bools, way: TakenLanelet, taken: list[TakenLanelet], beside: int) -> Bools:
     """The first columns on a lanelet, while the vehicle is still coming across the line from the lanelet beside it."""
     came = np.zeros_like(beyond)
     if any(one.lanelet == beside and way.columns[0] - 1 in one.columns for one in taken):

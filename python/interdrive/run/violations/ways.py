@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 #: A vehicle can only take lanelets that lead its way within this angle [rad].
 ANGLE_MAX = 1.0
-#: A route is followed so far beyond the last state of a vehicle [m].
+#: Distance for which a route is followed beyond the last state of a vehicle [m].
 _BEYOND = 20.0
 #: A shorter lanelet may have been passed between two states [m].
 _SHORT = 5.0
 
 
 @dataclass(frozen=True)
-class Way:
+class TakenLanelet:
     """A lanelet that a vehicle took.
 
     Attributes:
@@ -51,7 +51,7 @@ class Ways:
         travelled: Distance travelled since its first state [m], shape (vehicles, columns); nan where absent.
     """
 
-    taken: list[list[Way]]
+    taken: list[list[TakenLanelet]]
     travelled: Floats
 
     def __init__(
@@ -82,7 +82,7 @@ class Ways:
 
     def _of_vehicle(
         self, k: int, found: dict[int, tuple[Ints, Floats, Floats]], route: tuple[int, ...], *, is_followed: bool
-    ) -> list[Way]:
+    ) -> list[TakenLanelet]:
         """Lanelets below a vehicle on chains from where it or the road begins to where it or the road ends."""
         present = np.flatnonzero(self._valid[k])
         before, after = self._relations.before, self._relations.after
@@ -102,27 +102,27 @@ class Ways:
             for lanelet in passed
             if all(fits(other) < fits(lanelet) for other in self._relations.siblings[lanelet] & passed)
         ]
-        ways = [Way(lanelet, *found[lanelet][:2]) for lanelet in kept]
+        ways = [TakenLanelet(lanelet, *found[lanelet][:2]) for lanelet in kept]
         ways.sort(key=lambda way: (int(way.columns[0]), way.lanelet))
         return ways + (self._beyond(k, ways, present, route) if is_followed else [])
 
-    def _beyond(self, k: int, ways: list[Way], present: Ints, route: tuple[int, ...]) -> list[Way]:
+    def _beyond(self, k: int, ways: list[TakenLanelet], present: Ints, route: tuple[int, ...]) -> list[TakenLanelet]:
         """Where a route leads on from the last state."""
         last = next((way for way in reversed(ways) if way.columns[-1] == present[-1] and way.lanelet in route), None)
         if last is None:
             return []
-        found: list[Way] = []
+        found: list[TakenLanelet] = []
         lanelet, start = last.lanelet, float(self.travelled[k, present[-1]] - last.s[-1])
         for following in route[route.index(last.lanelet) + 1 :]:
             start += self._relations.length[lanelet]
             is_far = start - self.travelled[k, present[-1]] > _BEYOND
             if following not in self._relations.successors[lanelet] or is_far:
                 break
-            found.append(Way(following, np.empty(0, np.int64), np.empty(0), start))
+            found.append(TakenLanelet(following, np.empty(0, np.int64), np.empty(0), start))
             lanelet = following
         return found
 
-    def distance_at(self, k: int, way: Way, s: float) -> float:
+    def distance_at(self, k: int, way: TakenLanelet, s: float) -> float:
         """The distance that a vehicle has travelled when its centre is at an arc length of a lanelet [m]."""
         if not len(way.columns):
             return way.start + s
@@ -145,7 +145,7 @@ class Ways:
 
 
 class _Relations:
-    """By ids: lanelets from and to which vehicles drive, those that begin or end together; lengths [m]."""
+    """By ids: lanelets from and to which vehicles drive, lanelets that begin or end together; lengths [m]."""
 
     def __init__(self, lanelets: Lanelets) -> None:
         ids = lanelets.ids.tolist()

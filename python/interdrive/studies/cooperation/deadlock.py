@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from interdrive.run import RunRecord, States
 
-#: Below this speed an agent stands [m/s]; for so long it counts [s]; so far ahead it looks for a cause [m].
+#: Below this speed an agent stands [m/s]; least time that counts [s]; distance ahead within which a cause is sought
+#: [m].
 _STANDING, _DURATION, _REACH = 0.3, 10.0, 8.0
 #: Points of an outline are this far apart at most [m].
 _SPACING = 0.5

@@ -48,7 +48,7 @@ def runtime_cases(
     """The four scenarios, the highway once more with `neural`, and the town; and what the user should know about them.
 
     Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names; shipped
-    ones stand in for those that are not there.
+    ones stand in for missing ones.
 
     Args:
         counts: Numbers of agents in the four scenarios.

@@ -189,7 +189,7 @@ fn of_oncoming_traffic_at_a_crossing_only_the_one_that_turns_is_judged() {
     };
     assert_eq!(verdict(road(), ahead(AGENT), turning(OTHER)).kind, FaultKind::None);
     let found = verdict(road(), turning(AGENT), ahead(OTHER));
-    assert!(found.angle > ONCOMING && found.is_crossing, "{found:?}");
+    assert!(found.angle > ONCOMING_ANGLE && found.is_crossing, "{found:?}");
     assert_eq!(found.kind, FaultKind::CutOff);
 }
 

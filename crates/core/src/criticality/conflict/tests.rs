@@ -3,7 +3,7 @@ use crate::criticality::tests::conflicts::{fork_before_a_crossing, straight_on, 
 use crate::criticality::tests::{Actor, traffic};
 use crate::criticality::traffic::tracks;
 
-/// Ids of the connectors on the route of an actor that is recorded for so many steps.
+/// Ids of the connectors on the route of an actor that is recorded for `n` steps.
 fn route(mut actor: Actor, n: usize) -> Vec<i64> {
     let (road, connectors) = fork_before_a_crossing();
     actor.states.truncate(n);

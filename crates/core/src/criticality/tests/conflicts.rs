@@ -24,7 +24,7 @@ fn encroachment_lasts_from_the_first_to_the_last_overlap() {
         assert_eq!(et.time_step, enter);
         assert_eq!(
             found.ways[et.way as usize],
-            Way { lanelets: [[2, 12], [12, 2]][row].to_vec(), is_conflict_area: true }
+            LaneletPath { lanelets: [[2, 12], [12, 2]][row].to_vec(), is_conflict_area: true }
         );
     }
     for (column, expected) in [(0, 0.9), (31, 0.9), (35, 0.5), (39, 0.1), (40, INF)] {
@@ -154,7 +154,7 @@ pub(in crate::criticality) fn straight_on(id: i64) -> Actor {
     Actor::car(id, (0..100).map(|k| state(-50.0 + f64::from(k), 0.0, 0.0, 10.0)))
 }
 
-/// Turns to the left after so many steps.
+/// Turns to the left after `after` steps.
 pub(in crate::criticality) fn turning(id: i64, after: f64) -> Actor {
     let at = |k: u32| {
         let s = f64::from(k) - after;

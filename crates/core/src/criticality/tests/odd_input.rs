@@ -88,9 +88,9 @@ fn impossible_requests_are_refused_with_a_reason() {
         evaluate(&scene, &wanted).expect_err("refused").to_string()
     };
     assert_eq!(refused(&|r| r.ids = vec![9]), "there is no participant with id 9");
-    assert_eq!(refused(&|r| r.ids = vec![2]), "participant 2 is static: there is nothing to judge");
-    assert_eq!(refused(&|r| r.ids = vec![3]), "participant 3 is never there: there is nothing to judge");
-    assert_eq!(refused(&|r| r.ids = vec![1, 1]), "participant 1 is asked for twice");
+    assert_eq!(refused(&|r| r.ids = vec![2]), "participant 2 is static: there is nothing to evaluate");
+    assert_eq!(refused(&|r| r.ids = vec![3]), "participant 3 is never there: there is nothing to evaluate");
+    assert_eq!(refused(&|r| r.ids = vec![1, 1]), "participant 1 is requested twice");
     assert_eq!(refused(&|r| r.threads = 0), "threads must be at least 1 and at most 1024, not 0");
     assert!(refused(&|r| r.settings.radius = -1.0).contains("radius must be positive"));
     assert!(refused(&|r| r.settings.opposite_angle = 3.2).contains("opposite_angle must be at most pi"));

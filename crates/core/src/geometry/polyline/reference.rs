@@ -257,8 +257,8 @@ impl ReferencePath {
 
     /// The knot of the range that is nearest to a point (relative to the origin); the first one of equals.
     ///
-    /// No knot is further from the next one than the spacing, so after a far one those can be skipped that cannot be
-    /// nearer than the best. The best so far is that of a few, evenly spread, at first.
+    /// No knot is further from the next one than the spacing, so after a far knot the search skips all knots that
+    /// cannot be nearer than the best. It begins with the best of a few evenly spread knots.
     fn nearest_knot(&self, p: Point, from: usize, to: usize) -> usize {
         /// Rounding.
         const SAFETY: f64 = 0.999;
@@ -383,7 +383,7 @@ fn points_at(path: &ReferencePath, s: &[f64], out: [&mut [f64]; 7]) {
     }
 }
 
-/// The path between two knots, so far along from the first one [m].
+/// The path between two knots at an arc length from the first one [m].
 #[inline(always)]
 fn between(a: &Knot, b: &Knot, along: f64, (spacing, inverse_spacing): (f64, f64)) -> PathPoint {
     let u = along * inverse_spacing;

@@ -1,6 +1,6 @@
 //! Convex parts: overlap by separating axes, distance by the nearest pair of a vertex and an edge.
 
-use super::TOUCHING;
+use super::TOUCHING_DISTANCE;
 use crate::geometry::{Aabb, Point, Pose};
 
 /// Convex set in the body frame: a circle (one vertex with a radius) or a polygon (at least three vertices, radius 0).
@@ -113,8 +113,8 @@ impl ConvexPart {
     #[inline]
     pub fn contains(&self, point: Point) -> bool {
         match self.vertices.as_slice() {
-            [center] => point.distance(*center) <= self.radius + TOUCHING,
-            _ => self.sides.iter().all(|side| side.normal.dot(point) <= side.offset + TOUCHING),
+            [center] => point.distance(*center) <= self.radius + TOUCHING_DISTANCE,
+            _ => self.sides.iter().all(|side| side.normal.dot(point) <= side.offset + TOUCHING_DISTANCE),
         }
     }
 
@@ -132,7 +132,7 @@ impl ConvexPart {
         if self.radius + other.radius > 0.0 {
             return self.gap(other, other_in_self).is_none();
         }
-        let is_separated = |separation: Option<Separation>| separation.is_some_and(|s| s.distance > TOUCHING);
+        let is_separated = |separation: Option<Separation>| separation.is_some_and(|s| s.distance > TOUCHING_DISTANCE);
         !is_separated(self.best_side(other, other_in_self))
             && !is_separated(other.best_side(self, &other_in_self.inverse()))
     }
@@ -140,7 +140,7 @@ impl ConvexPart {
     /// Circles around the parts are apart.
     #[inline]
     fn is_far_from(&self, other: &Self, other_in_self: &Placement) -> bool {
-        let reach = self.reach + other.reach + TOUCHING;
+        let reach = self.reach + other.reach + TOUCHING_DISTANCE;
         (other_in_self.apply(other.center) - self.center).norm_squared() > reach * reach
     }
 
@@ -154,7 +154,7 @@ impl ConvexPart {
     pub(crate) fn gap(&self, other: &Self, other_in_self: &Placement) -> Option<Gap> {
         let core = self.core_gap(other, other_in_self)?;
         let distance = core.distance - self.radius - other.radius;
-        (distance > TOUCHING).then_some(Gap { distance, ..core })
+        (distance > TOUCHING_DISTANCE).then_some(Gap { distance, ..core })
     }
 
     /// The gap between the polygons, radii not counted.
@@ -166,7 +166,7 @@ impl ConvexPart {
             |separation: &Option<Separation>| separation.as_ref().map_or(f64::NEG_INFINITY, |s| s.distance);
         let separated = distance_of(&mine).max(distance_of(&theirs));
         let has_sides = mine.is_some() || theirs.is_some();
-        if has_sides && separated <= TOUCHING {
+        if has_sides && separated <= TOUCHING_DISTANCE {
             return None;
         }
         // No two points are nearer than the separation. If the nearest vertex lies in front of its side, the two points

@@ -1,6 +1,6 @@
 //! The planner's rectangle: cheap to copy, compared millions of times per step.
 
-use super::TOUCHING;
+use super::TOUCHING_DISTANCE;
 use crate::geometry::{Aabb, Point, Pose};
 
 /// Rectangle at any angle, world frame.
@@ -40,16 +40,16 @@ impl OrientedBox {
     pub fn overlaps(&self, other: &Self) -> bool {
         let offset = other.center - self.center;
         // (r1 + r2)² <= 2 (r1² + r2²): circles around both boxes are apart, found without a square root.
-        if offset.norm_squared() > 2.0 * (self.radius_squared() + other.radius_squared()) + TOUCHING {
+        if offset.norm_squared() > 2.0 * (self.radius_squared() + other.radius_squared()) + TOUCHING_DISTANCE {
             return false;
         }
         let cos = self.axis.dot(other.axis).abs();
         let sin = self.axis.cross(other.axis).abs();
         let (a, b) = (self, other);
-        offset.dot(a.axis).abs() <= a.half_length + b.half_length * cos + b.half_width * sin + TOUCHING
-            && a.axis.cross(offset).abs() <= a.half_width + b.half_length * sin + b.half_width * cos + TOUCHING
-            && offset.dot(b.axis).abs() <= b.half_length + a.half_length * cos + a.half_width * sin + TOUCHING
-            && b.axis.cross(offset).abs() <= b.half_width + a.half_length * sin + a.half_width * cos + TOUCHING
+        offset.dot(a.axis).abs() <= a.half_length + b.half_length * cos + b.half_width * sin + TOUCHING_DISTANCE
+            && a.axis.cross(offset).abs() <= a.half_width + b.half_length * sin + b.half_width * cos + TOUCHING_DISTANCE
+            && offset.dot(b.axis).abs() <= b.half_length + a.half_length * cos + a.half_width * sin + TOUCHING_DISTANCE
+            && b.axis.cross(offset).abs() <= b.half_width + a.half_length * sin + a.half_width * cos + TOUCHING_DISTANCE
     }
 
     /// The box and the straight segment from `start` to `end` share a point; touching counts.
@@ -59,18 +59,18 @@ impl OrientedBox {
         let half = (end - start) * 0.5;
         let half = Point::new(half.dot(self.axis), self.axis.cross(half));
         let (reach_x, reach_y) = (half.x.abs(), half.y.abs());
-        middle.x.abs() <= self.half_length + reach_x + TOUCHING
-            && middle.y.abs() <= self.half_width + reach_y + TOUCHING
+        middle.x.abs() <= self.half_length + reach_x + TOUCHING_DISTANCE
+            && middle.y.abs() <= self.half_width + reach_y + TOUCHING_DISTANCE
             // The third axis is the segment's normal, not normalised: the tolerance scales with the segment.
             && middle.cross(half).abs()
-                <= self.half_length * reach_y + self.half_width * reach_x + TOUCHING * (reach_x + reach_y)
+                <= self.half_length * reach_y + self.half_width * reach_x + TOUCHING_DISTANCE * (reach_x + reach_y)
     }
 
     /// The point lies inside or on the edge.
     #[inline]
     pub fn contains(&self, point: Point) -> bool {
         let local = self.body_from_world(point);
-        local.x.abs() <= self.half_length + TOUCHING && local.y.abs() <= self.half_width + TOUCHING
+        local.x.abs() <= self.half_length + TOUCHING_DISTANCE && local.y.abs() <= self.half_width + TOUCHING_DISTANCE
     }
 
     /// Corners, counter-clockwise: front left, rear left, rear right, front right.

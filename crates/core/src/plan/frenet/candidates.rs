@@ -4,7 +4,7 @@ use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::search::SearchSpace;
 use super::settings::N_TERMS;
-use super::{Bar, length};
+use super::{Incumbent, length};
 use crate::geometry::Point;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
@@ -73,10 +73,10 @@ impl Candidates {
     }
 
     /// What a plan must beat that replaces a sample.
-    pub(super) fn bar(&self, sample: usize) -> Bar {
+    pub(super) fn incumbent(&self, sample: usize) -> Incumbent {
         let points = sample * self.n_points..(sample + 1) * self.n_points;
         let centers = points.map(|i| Point { x: self.x[i], y: self.y[i] });
-        Bar { cost: self.cost[sample], velocity: self.last_velocity[sample], distance: length(centers) }
+        Incumbent { cost: self.cost[sample], velocity: self.last_velocity[sample], distance: length(centers) }
     }
 
     /// Evaluates all samples to the end.

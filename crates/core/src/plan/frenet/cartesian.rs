@@ -8,7 +8,7 @@ use crate::geometry::Point;
 use crate::geometry::polyline::PathPoint;
 use crate::simd::multiversion;
 
-/// What is known about a sample in the frame of the path.
+/// A sample in the frame of the path.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FrenetTrajectory<'a> {
     pub(super) motion: ProfilePoints<'a>,

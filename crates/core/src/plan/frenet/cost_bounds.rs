@@ -133,8 +133,8 @@ pub(super) fn largest_magnitude(a: f64, b: f64) -> f64 {
 }
 
 multiversion! {
-    /// For lateral motions by time that spread so much beside a path that bends at most so much; `desired` speed and
-    /// what it is off by. Squared gaps are left in `out`.
+    /// For lateral motions over time with a given spread beside a path of bounded curvature; `desired` speed and what
+    /// it is off by. Squared gaps are left in `out`.
     fn gaps_over_time = sum_over_time, (
         speeds: &CoarseSpeeds,
         spread: &[f32],

@@ -2,20 +2,20 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Start;
-use super::oncoming::{Lane, Order, Passer, distance, speeds};
-use super::passing::{CLEARANCES, LEAD, LENGTH, STEP, Section, reach};
+use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
+use super::passing::{CLEARANCES, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::conduct::STATIONARY_SPEED;
 use crate::rules::{EARLY, travel_time};
 
-/// The agent has left the lane of the other direction so long before an oncoming vehicle comes [s]; less if it is on its
-/// way already.
+/// Least time between leaving the oncoming lane and the next oncoming vehicle [s]; less if the agent is already on its
+/// way.
 const GAP: f64 = 2.0;
 const GAP_UNDER_WAY: f64 = 0.5;
-/// Who waits to pass stands so far behind [m]: from there it can swing out, or one that passes from the other end can
-/// return before it.
+/// Distance behind the obstruction at which an agent waits [m]: from there it can swing out, and a vehicle that passes
+/// from the other end can return before it.
 const WAITING_GAP: f64 = 7.0;
 const YIELDING_GAP: f64 = 11.0;
-/// Its swing ends when its front is so far beside [m], but is neither shorter nor longer than this.
+/// Offset of the front at which the swing ends [m], and the shortest and longest swing.
 const SWING_BESIDE: f64 = 2.0;
 const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
@@ -67,7 +67,7 @@ impl Detour {
         let (&(rear, front, offset), others) = blocks.split_first()?;
         let mut detour = Self { rear, front, offset, widest: offset };
         for (rear, front, offset) in others {
-            if *rear > detour.front + vehicle_length + 2.0 * LENGTH {
+            if *rear > detour.front + vehicle_length + 2.0 * SWING_LENGTH {
                 break;
             }
             detour.front = detour.front.max(*front);
@@ -155,14 +155,14 @@ impl Detour {
         deceleration: f64,
     ) -> Oncoming {
         let entries = self.entries(request, (from, to));
-        let lane = Lane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
+        let lane = OpposingLane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
         let mut found = Oncoming::None;
         for other in request.others.iter().filter(|other| !other.is_static) {
             let Some(distance) = distance(other, request, &entries) else { continue };
             match lane.order(other, passer) {
-                Order::First(end) => return Oncoming::GoesFirst(to + end),
-                Order::Waits => continue,
-                Order::None => {}
+                Priority::First(end) => return Oncoming::GoesFirst(to + end),
+                Priority::Waits => continue,
+                Priority::None => {}
             }
             let half = other.shape.oriented_box(other.pose).half_length;
             let (arrives, leaves) = (distance - half, distance + (to - from) + half);
@@ -174,12 +174,12 @@ impl Detour {
         found
     }
 
-    /// Lanelets of the other direction beside the path and those that lead into them, with the arc length on each, beyond
-    /// its end on those before, at which oncoming vehicles reach the stretch [m].
+    /// Oncoming lanelets beside the path and their predecessors, with the arc length on each, beyond the end of
+    /// predecessors, at which oncoming vehicles reach the stretch [m].
     fn entries(&self, request: &PlanRequest, (from, to): (f64, f64)) -> Vec<(usize, f64)> {
         let (path, road) = (&request.route.path, request.road);
         let mut found: Vec<(usize, f64)> = Vec::new();
-        let n = ((to - from) / STEP).ceil();
+        let n = ((to - from) / ROOM_STEP).ceil();
         let last = path.at(to).position;
         for i in 0..=n as usize {
             let at = path.at((from + (to - from) * i as f64 / n).max(0.0));

@@ -31,7 +31,7 @@ const NOWHERE: u32 = u32::MAX;
 struct Progress {
     /// Cost without prediction.
     base: f64,
-    /// Sum of the prediction term so far, and how many points of the order are in it.
+    /// Partial sum of the prediction term, and the number of points of the order in it.
     prediction: f64,
     n_done: usize,
     /// Its cost, once the prediction is in it.
@@ -254,8 +254,8 @@ impl<'a> Evaluation<'a> {
         self.tables.samples.load_path(profile, &self.problem.request.route.path);
     }
 
-    /// Writes the trajectory of a sample and says what is wrong with it. Points that are undefined (near the centre of
-    /// the path's curvature) repeat the one before.
+    /// Writes the trajectory of a sample and returns its fault. Points that are undefined (near the centre of the
+    /// path's curvature) repeat the one before.
     pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
         self.tables.memory.points.clear();
         let Some((profile, end_offset)) = self.cell(sample) else {

@@ -84,7 +84,7 @@ pub(super) struct SampleGrid {
 }
 
 impl SampleGrid {
-    /// All motions along the path, and the lateral ones that are shared.
+    /// All motions along the path, and the shared lateral motions.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
         let Inputs { start, targets, limits, settings, path, .. } = *inputs;
         self.dt = limits.dt;
@@ -373,8 +373,8 @@ impl SampleGrid {
         [widest + length * (0.2 * d_prime.abs() + 0.018 * bend), 1.875 * way / length + d_prime.abs() + 0.07 * bend]
     }
 
-    /// Speeds that are steered, too (`steered`): those of a manoeuvre that ends early, of one that ends at the horizon,
-    /// of stops and of braking.
+    /// Profiles that are also steered (`steered`): a manoeuvre that ends early, a manoeuvre that ends at the horizon,
+    /// stops and braking.
     pub(super) fn is_steered(&self, profile: usize) -> bool {
         let LongitudinalProfile { rejection, family, end_time, .. } = &self.profiles[profile];
         let times = [self.end_times[self.end_times.len() / 3], self.end_times[self.end_times.len() - 1]];

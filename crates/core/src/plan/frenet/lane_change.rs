@@ -11,7 +11,7 @@
 use super::super::arrival;
 use super::super::conflicts::Ego;
 use super::super::frame::Start;
-use super::super::lanes::{AIM, Aim, Lanes, Need};
+use super::super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
 use super::super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::super::{LaneChange, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
@@ -26,7 +26,7 @@ const SAFE_DECELERATION: f64 = 4.0;
 /// ... and once a change is under way, neither they nor the agent harder than this: otherwise it returns.
 const RETURN_DECELERATION: f64 = 6.0;
 /// The lag vehicle begins to brake after this time [s].
-const REACTION: f64 = 1.0;
+const REACTION_TIME: f64 = 1.0;
 /// Kept to the vehicles ahead and behind: at least this [m], and a time gap [s] ...
 const GAP_MIN: f64 = 1.0;
 const TIME_GAP: f64 = 0.5;
@@ -35,7 +35,7 @@ const HURRY: (f64, f64) = (4.0, 12.0);
 /// Where there is time, a plan aims at most this far to the side [m].
 const GENTLE_STEP: f64 = 2.0;
 /// A change is done this near to the middle of the new lane [m].
-const SETTLED: f64 = 0.4;
+const SETTLED_OFFSET: f64 = 0.4;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
@@ -43,17 +43,17 @@ const END_MARGIN: f64 = 10.0;
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
 const LACK_WEIGHT: f64 = 2.0;
-/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two side by side the one that changes
-/// to the left, as from a ramp, falls back.
+/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two vehicles side by side, the
+/// vehicle that changes to the left, as from a ramp, falls back.
 const PASSING_WEIGHT: f64 = 1.0;
 const SIDE_BY_SIDE: f64 = 0.25;
 /// Vehicles up to this far away are looked at [m].
-const REACH: f64 = 250.0;
+const VEHICLE_REACH: f64 = 250.0;
 /// The agent is searched on a lane this far around the expected place [m].
 const FOOT_WINDOW: f64 = 30.0;
 /// A lane runs beside the route up to this distance [m]; it is examined in such steps [m].
-const BESIDE: f64 = 8.0;
-const STEP: f64 = 2.0;
+const BESIDE_OFFSET: f64 = 8.0;
+const BESIDE_STEP: f64 = 2.0;
 
 /// What a gap must leave.
 #[derive(Debug, Clone, Copy)]
@@ -105,7 +105,7 @@ impl LaneRoutes {
             let lane = &self.lanes.lanes[aim.lane];
             lane.need(aim.s).is_some() && self.is_along(request, aim)
         };
-        let Some(aim) = self.lanes.aimed_at(request, AIM).filter(leads_on) else { return *request };
+        let Some(aim) = self.lanes.aimed_at(request, AIM_DISTANCE).filter(leads_on) else { return *request };
         let (aim, lane_change) = self.choose(request, &settings.comfort, aim);
         PlanRequest { lane_change, ..self.on(request, aim) }
     }
@@ -132,7 +132,7 @@ impl LaneRoutes {
             |s: f64, need: &Need| front(s) + 0.5 * velocity * velocity / comfort.deceleration <= need.lane_end;
         let here = missing(aim.lane, aim.s);
         let origin = beside[usize::from(aim.d < 0.0)]
-            .filter(|(lane, s)| aim.d.abs() > SETTLED && missing(*lane, *s) > here)
+            .filter(|(lane, s)| aim.d.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
             .and_then(|(lane, s)| self.in_lane(request, lane, s));
         if let Some(origin) = origin {
             let need = lanes[origin.lane].need(origin.s);
@@ -190,14 +190,14 @@ impl LaneRoutes {
             required_deceleration(gap - gap_min - time_gap * velocity, velocity - lead, 0.0) <= own
         };
         let lag_is_safe = |Next { gap, velocity: behind }| {
-            required_deceleration(gap - gap_min - time_gap * behind, behind - velocity, REACTION) <= lag
+            required_deceleration(gap - gap_min - time_gap * behind, behind - velocity, REACTION_TIME) <= lag
         };
         leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
 
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
         let path = &self.lanes.lanes[aim.lane].path;
-        Ego { reach: REACH, ..Ego::new(request, path, (aim.s, request.state.velocity.max(0.0), 0.0), 1.0) }
+        Ego { reach: VEHICLE_REACH, ..Ego::new(request, path, (aim.s, request.state.velocity.max(0.0), 0.0), 1.0) }
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
@@ -257,15 +257,15 @@ impl LaneRoutes {
 /// time before the goal.
 fn shift(route: &Route, lane: &ReferencePath) -> f64 {
     let last = if route.goal_entry_s.is_nan() { route.path.length() } else { route.goal_entry_s };
-    let n = ((last - route.start_s) / STEP).max(0.0) as usize;
+    let n = ((last - route.start_s) / BESIDE_STEP).max(0.0) as usize;
     let mut found: Option<f64> = None;
-    for s in (0..=n).map(|i| route.start_s + i as f64 * STEP) {
+    for s in (0..=n).map(|i| route.start_s + i as f64 * BESIDE_STEP) {
         let place = route.path.at(s).position;
         let foot = match found {
             Some(shift) => lane.project_near(place, s + shift, FOOT_WINDOW),
             None => lane.project(place),
         };
-        if let Some((there, _)) = foot.filter(|(_, d)| d.abs() < BESIDE) {
+        if let Some((there, _)) = foot.filter(|(_, d)| d.abs() < BESIDE_OFFSET) {
             found = Some(there - s);
         }
     }

@@ -69,28 +69,28 @@ pub struct FrenetMemory {
     evaluation: EvaluationMemory,
     road: Vec<u32>,
     effort: usize,
-    told: Told,
+    breakdown: CostBreakdown,
 }
 
-/// The terms of the chosen sample, for those who ask.
+/// The cost terms of the chosen sample, recorded only on request.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Told {
-    /// Whether they are asked for.
-    pub(crate) is_asked: bool,
+pub(crate) struct CostBreakdown {
+    /// Whether terms are recorded.
+    pub(crate) enabled: bool,
     /// Without weights; `None` if no sample was chosen.
     pub(crate) terms: Option<[f64; N_TERMS]>,
 }
 
-impl Told {
-    fn tell(&mut self, evaluation: &Evaluation, sample: usize) {
-        self.terms = self.is_asked.then(|| evaluation.terms(sample));
+impl CostBreakdown {
+    fn record(&mut self, evaluation: &Evaluation, sample: usize) {
+        self.terms = self.enabled.then(|| evaluation.terms(sample));
     }
 }
 
 impl FrenetMemory {
-    /// What is asked, and what was told about the last plan.
-    pub(crate) fn told(&mut self) -> &mut Told {
-        &mut self.told
+    /// The cost terms of the last plan, if `enabled`.
+    pub(crate) fn breakdown(&mut self) -> &mut CostBreakdown {
+        &mut self.breakdown
     }
 
     /// Trajectories that the last plan examined as a whole, in all its attempts.
@@ -101,7 +101,7 @@ impl FrenetMemory {
 
 /// What an attempt to plan takes for granted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Premises {
+struct Assumptions {
     /// The yaw rate of the present state is that of the vehicle; otherwise it drives parallel to its path.
     yaw_rate_counts: bool,
     /// Factor of the limits of steering rate and lateral acceleration.
@@ -111,15 +111,15 @@ struct Premises {
 }
 
 /// Plans that end slower than this [m/s] crawl.
-const CRAWLING: f64 = 2.0;
+const CRAWLING_SPEED: f64 = 2.0;
 /// Samples that end faster by this [m/s] are clearly faster.
-const CLEARLY: f64 = 1.0;
+const FASTER_BY: f64 = 1.0;
 
-impl Premises {
-    const STATED: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
-    const NARROW: Self = Self { keeps_clear: false, ..Self::STATED };
+impl Assumptions {
+    const NOMINAL: Self = Self { yaw_rate_counts: true, slack: 1.0, keeps_clear: true };
+    const NARROW: Self = Self { keeps_clear: false, ..Self::NOMINAL };
     /// For a start that cannot be continued as stated.
-    const DOUBTED: [Self; 3] = [
+    const RELAXED: [Self; 3] = [
         Self { yaw_rate_counts: false, slack: 1.0, keeps_clear: false },
         Self { yaw_rate_counts: true, slack: 2.5, keeps_clear: false },
         Self { yaw_rate_counts: false, slack: 2.5, keeps_clear: false },
@@ -134,31 +134,33 @@ impl Premises {
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state.
 ///
 /// If nothing is admissible, or the plan crawls and the road alone forbids a sample that would be cheaper and faster,
-/// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its path
-/// only, which are closer to each other then. A plan that crawls is only replaced by a faster one that costs less.
-/// If the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`); such a
-/// plan must also come further.
-/// Recorded initial states are noisy, and some drivers steer faster than the vehicle's parameters allow. If no sample of an
-/// agent's first grid is admissible, others count before steered ones: as if the agent drove parallel to its path, then
-/// with higher limits of steering rate and lateral acceleration. (All later states come from the planner itself.)
+/// the agent may come as close to the edge of the road as the judge allows, and looks at lateral positions near its
+/// path only, which are closer to each other then. A crawling plan is only replaced by a faster and cheaper plan. If
+/// the vehicle cannot drive samples that would be cheaper and faster, or any, samples are steered (`steered`); such a
+/// plan must also come further. Recorded initial states are noisy, and some drivers steer faster than the vehicle's
+/// parameters allow. If no sample of an agent's first grid is admissible, others count before steered ones: as if the
+/// agent drove parallel to its path, then with higher limits of steering rate and lateral acceleration. (All later
+/// states come from the planner itself.)
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
     memory.effort = 0;
-    memory.told.terms = None;
-    let mut result = attempt(request, settings, memory, Premises::STATED);
+    memory.breakdown.terms = None;
+    let mut result = attempt(request, settings, memory, Assumptions::NOMINAL);
     let off_road_cost = memory.evaluation.off_road_cost;
     let undrivable = std::mem::take(&mut memory.evaluation.undrivable);
     if result.status != PlanStatus::Planned {
         if off_road_cost.is_finite() {
-            result = attempt(request, settings, memory, Premises::NARROW);
+            result = attempt(request, settings, memory, Assumptions::NARROW);
         }
     } else if is_held_by_road(&result, memory) {
         result = faster(request, settings, memory, &result).unwrap_or(result);
     }
-    let bar = Bar::of(&result);
-    let better = if bar.is_held_by_limits(&undrivable) { steered(request, settings, memory, bar) } else { None };
+    let incumbent = Incumbent::of(&result);
+    let better =
+        if incumbent.is_held_by_limits(&undrivable) { steered(request, settings, memory, incumbent) } else { None };
     memory.evaluation.undrivable = undrivable;
     if result.status != PlanStatus::Planned && request.previous.is_none() && request.state.is_finite() {
-        let mut again = Premises::DOUBTED.into_iter().map(|premises| attempt(request, settings, memory, premises));
+        let mut again =
+            Assumptions::RELAXED.into_iter().map(|assumptions| attempt(request, settings, memory, assumptions));
         if let Some(again) = again.find(|again| again.status == PlanStatus::Planned) {
             return again;
         }
@@ -168,7 +170,7 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
 
 /// What a better plan must beat.
 #[derive(Debug, Clone, Copy)]
-struct Bar {
+struct Incumbent {
     cost: f64,
     /// Speed at the end [m/s].
     velocity: f64,
@@ -176,7 +178,7 @@ struct Bar {
     distance: f64,
 }
 
-impl Bar {
+impl Incumbent {
     /// Anything is better than no plan.
     const NONE: Self = Self { cost: f64::INFINITY, velocity: f64::NEG_INFINITY, distance: 0.0 };
 
@@ -191,12 +193,12 @@ impl Bar {
 
     /// One of the samples that the vehicle cannot drive (cost, speed at the end) would be cheaper and clearly faster.
     fn is_held_by_limits(&self, undrivable: &[(f64, f64)]) -> bool {
-        undrivable.iter().any(|(cost, velocity)| *cost < self.cost && *velocity > self.velocity + CLEARLY)
+        undrivable.iter().any(|(cost, velocity)| *cost < self.cost && *velocity > self.velocity + FASTER_BY)
     }
 
     /// What steered samples take for granted.
-    fn premises(&self) -> Premises {
-        if self.velocity > CRAWLING { Premises::STATED } else { Premises::NARROW }
+    fn assumptions(&self) -> Assumptions {
+        if self.velocity > CRAWLING_SPEED { Assumptions::NOMINAL } else { Assumptions::NARROW }
     }
 }
 
@@ -204,7 +206,7 @@ impl Bar {
 fn is_held_by_road(result: &PlanResult, memory: &FrenetMemory) -> bool {
     let slow = end_velocity(result);
     let better = |(cost, velocity): &(f64, f64)| *cost < result.cost && *velocity > slow;
-    slow < CRAWLING && memory.evaluation.off_road.iter().any(better)
+    slow < CRAWLING_SPEED && memory.evaluation.off_road.iter().any(better)
 }
 
 /// The cheapest plan where the road is narrow that ends faster than one of the same request and costs less. That
@@ -215,14 +217,15 @@ fn faster(
     memory: &mut FrenetMemory,
     than: &PlanResult,
 ) -> Option<PlanResult> {
-    let premises = Premises::NARROW;
+    let assumptions = Assumptions::NARROW;
     let n_points = n_points(request, settings);
-    let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
-    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
+    let start = Start::new(request, assumptions.knows_yaw_rate(request, settings)).ok()?;
+    let limits = Limits::new(request, n_points, start.curvature, assumptions.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, told, .. } =
-        memory;
-    let (start, limits, path, keeps_clear) = (&start, &limits, &request.route.path, premises.keeps_clear);
+    let FrenetMemory {
+        samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, breakdown, ..
+    } = memory;
+    let (start, limits, path, keeps_clear) = (&start, &limits, &request.route.path, assumptions.keeps_clear);
     samples.narrow(&Inputs { start, targets: &targets, limits, settings, path, is_narrow: true });
     costs.prepare(samples, targets.velocity, &settings.weights, path);
     let problem = Problem { request, settings, start, limits, keeps_clear };
@@ -233,7 +236,7 @@ fn faster(
     *effort += evaluation.tables.memory.n_trajectories();
     let (sample, cost) = choice?;
     evaluation.write_if_drivable(sample);
-    told.tell(&evaluation, sample);
+    breakdown.record(&evaluation, sample);
     Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
 }
 
@@ -242,26 +245,27 @@ fn steered(
     request: &PlanRequest,
     settings: &FrenetSettings,
     memory: &mut FrenetMemory,
-    bar: Bar,
+    incumbent: Incumbent,
 ) -> Option<PlanResult> {
-    let premises = bar.premises();
-    let start = Start::new(request, premises.knows_yaw_rate(request, settings)).ok()?;
-    let limits = Limits::new(request, n_points(request, settings), start.curvature, premises.slack);
+    let assumptions = incumbent.assumptions();
+    let start = Start::new(request, assumptions.knows_yaw_rate(request, settings)).ok()?;
+    let limits = Limits::new(request, n_points(request, settings), start.curvature, assumptions.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, told, .. } =
-        memory;
-    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    let FrenetMemory {
+        samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, effort, breakdown, ..
+    } = memory;
+    let (start, limits, keeps_clear) = (&start, &limits, assumptions.keeps_clear);
     let state = (start, &targets, limits);
-    steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, bar);
+    steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, incumbent);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
         Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
-    search::start(queue, evaluation.whole_entries(bar.velocity), bar.cost);
+    search::start(queue, evaluation.whole_entries(incumbent.velocity), incumbent.cost);
     let choice = search(settings, queue, &mut evaluation);
     *effort += evaluation.tables.memory.n_trajectories();
     let (sample, cost) = choice?;
     evaluation.write_if_drivable(sample);
-    told.tell(&evaluation, sample);
+    breakdown.record(&evaluation, sample);
     Some(PlanResult::planned(trajectory(request, start, evaluation.points()), cost))
 }
 
@@ -285,23 +289,37 @@ fn attempt(
     request: &PlanRequest,
     settings: &FrenetSettings,
     memory: &mut FrenetMemory,
-    premises: Premises,
+    assumptions: Assumptions,
 ) -> PlanResult {
     let n_points = n_points(request, settings);
     memory.evaluation.off_road_cost = f64::INFINITY;
     if !request.state.is_finite() {
         return fallback::refuse(request, n_points, "the present state is not a number".into());
     }
-    let start = match Start::new(request, premises.knows_yaw_rate(request, settings)) {
+    let start = match Start::new(request, assumptions.knows_yaw_rate(request, settings)) {
         Ok(start) => start,
         Err(reason) => return without_plan(request, n_points, memory, &format!("the agent {reason}")),
     };
-    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
+    let limits = Limits::new(request, n_points, start.curvature, assumptions.slack);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, wholes, queue, evaluation: evaluation_memory, road, effort, told } =
-        memory;
-    prepare(request, settings, (&start, &targets, &limits, !premises.keeps_clear), (samples, costs, obstacles, wholes));
-    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    let FrenetMemory {
+        samples,
+        costs,
+        obstacles,
+        wholes,
+        queue,
+        evaluation: evaluation_memory,
+        road,
+        effort,
+        breakdown,
+    } = memory;
+    prepare(
+        request,
+        settings,
+        (&start, &targets, &limits, !assumptions.keeps_clear),
+        (samples, costs, obstacles, wholes),
+    );
+    let (start, limits, keeps_clear) = (&start, &limits, assumptions.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
         Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
@@ -310,7 +328,7 @@ fn attempt(
     *effort += evaluation.tables.memory.n_trajectories();
     if let Some((sample, cost)) = choice {
         evaluation.write_if_drivable(sample);
-        told.tell(&evaluation, sample);
+        breakdown.record(&evaluation, sample);
         let trajectory = trajectory(request, start, evaluation.points());
         return PlanResult::planned(trajectory, cost);
     }
@@ -330,63 +348,70 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
 
 /// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan`.
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
-    let all = sample_all(request, settings, Premises::STATED, None);
+    let all = sample_all(request, settings, Assumptions::NOMINAL, None);
     if !request.state.is_finite() {
         return all;
     }
     let undrivable = all.undrivable.clone();
     let mut found = match all.chosen {
-        Some(chosen) if all.last_velocity[chosen] < CRAWLING && all.is_held_by_road(chosen) => {
-            let mut narrow = sample_all(request, settings, Premises::NARROW, None);
+        Some(chosen) if all.last_velocity[chosen] < CRAWLING_SPEED && all.is_held_by_road(chosen) => {
+            let mut narrow = sample_all(request, settings, Assumptions::NARROW, None);
             narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
             if narrow.chosen.is_some() { narrow } else { all }
         }
         Some(_) => all,
-        None => {
-            Some(sample_all(request, settings, Premises::NARROW, None)).filter(|it| it.chosen.is_some()).unwrap_or(all)
-        }
+        None => Some(sample_all(request, settings, Assumptions::NARROW, None))
+            .filter(|it| it.chosen.is_some())
+            .unwrap_or(all),
     };
     if found.chosen.is_none() && request.previous.is_none() {
-        let mut again = Premises::DOUBTED.iter().map(|premises| sample_all(request, settings, *premises, None));
+        let mut again =
+            Assumptions::RELAXED.iter().map(|assumptions| sample_all(request, settings, *assumptions, None));
         if let Some(again) = again.find(|again| again.chosen.is_some()) {
             return again;
         }
     }
-    let bar = found.chosen.map_or(Bar::NONE, |i| found.bar(i));
-    if bar.is_held_by_limits(&undrivable) {
-        found.add_steered(sample_all(request, settings, bar.premises(), Some(bar)));
+    let incumbent = found.chosen.map_or(Incumbent::NONE, |i| found.incumbent(i));
+    if incumbent.is_held_by_limits(&undrivable) {
+        found.add_steered(sample_all(request, settings, incumbent.assumptions(), Some(incumbent)));
     }
     found
 }
 
-/// All samples of the grid with the plan of before, or those that are steered to beat a plan.
+/// All samples of the grid with the previous plan, or the samples that are steered to beat a plan.
 fn sample_all(
     request: &PlanRequest,
     settings: &FrenetSettings,
-    premises: Premises,
-    steered: Option<Bar>,
+    assumptions: Assumptions,
+    steered: Option<Incumbent>,
 ) -> Candidates {
     let n_points = n_points(request, settings);
     let is_known = request.state.is_finite();
-    let Some(start) = is_known.then(|| Start::new(request, premises.knows_yaw_rate(request, settings)).ok()).flatten()
+    let Some(start) =
+        is_known.then(|| Start::new(request, assumptions.knows_yaw_rate(request, settings)).ok()).flatten()
     else {
         return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
     };
-    let limits = Limits::new(request, n_points, start.curvature, premises.slack);
+    let limits = Limits::new(request, n_points, start.curvature, assumptions.slack);
     let targets = Targets::new(request, &start, settings);
     let mut memory = FrenetMemory::default();
     let FrenetMemory { samples, costs, obstacles, wholes, evaluation: evaluation_memory, .. } = &mut memory;
-    prepare(request, settings, (&start, &targets, &limits, !premises.keeps_clear), (samples, costs, obstacles, wholes));
-    if let Some(bar) = steered {
+    prepare(
+        request,
+        settings,
+        (&start, &targets, &limits, !assumptions.keeps_clear),
+        (samples, costs, obstacles, wholes),
+    );
+    if let Some(incumbent) = steered {
         let state = (&start, &targets, &limits);
-        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, bar);
+        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, incumbent);
     }
-    let (start, limits, keeps_clear) = (&start, &limits, premises.keeps_clear);
+    let (start, limits, keeps_clear) = (&start, &limits, assumptions.keeps_clear);
     let problem = Problem { request, settings, start, limits, keeps_clear };
     let mut evaluation =
         Evaluation::new(problem, Tables { samples, costs, obstacles, wholes, memory: evaluation_memory });
     match steered {
-        Some(bar) => Candidates::of_wholes(&mut evaluation, (bar.velocity, bar.cost)),
+        Some(incumbent) => Candidates::of_wholes(&mut evaluation, (incumbent.velocity, incumbent.cost)),
         None => Candidates::of(&mut evaluation, targets.velocity),
     }
 }

@@ -1,4 +1,4 @@
-//! Why no sample is admissible: what rejected most of those that the vehicle can drive.
+//! Why no sample is admissible: what rejected most of the samples that the vehicle can drive.
 
 use super::evaluation::Evaluation;
 use super::feasibility::Rejection;

@@ -2,32 +2,32 @@
 
 use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::{Other, PlanRequest};
-use super::passing::{LEAD, QUEUE_OFFSET, is_left, is_person};
+use super::passing::{LEAD, QUEUE_OFFSET, is_parked, is_person};
 use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::Point;
 
 /// Modes that are less probable do not count.
 const PROBABILITY_MIN: f64 = 0.2;
-/// An oncoming vehicle is at most so far beside its lane [m], while it passes something itself.
-const BESIDE: f64 = 2.0;
+/// Largest offset of an oncoming vehicle from its lane while it passes something itself [m].
+const PASSING_OFFSET: f64 = 2.0;
 /// Two have to agree who goes first if what they pass is less than this apart [m].
-const APART: f64 = 50.0;
+const OBSTRUCTION_DISTANCE: f64 = 50.0;
 /// Something blocks a lane if it leaves a vehicle less than this on one side of the middle [m].
-const MARGIN: f64 = 0.3;
-/// A vehicle that has moved so far towards the lane of the other one [m] goes first.
-const OVER: f64 = 0.5;
+const BLOCKING_MARGIN: f64 = 0.3;
+/// Offset towards the opposing lane from which a vehicle goes first [m].
+const COMMITTED_OFFSET: f64 = 0.5;
 /// Differences of distances that are less than this [m] do not decide.
-const TIE: f64 = 0.5;
+const DISTANCE_TIE: f64 = 0.5;
 /// While the first one stands, the other one goes first in every second interval of this length [s]: the first one may
 /// have reasons to stay that the other one cannot see.
-const TURN: f64 = 10.0;
+const TURN_TIME: f64 = 10.0;
 /// A vehicle that is no faster than this [m/s] and can stop before what blocks its lane is trusted to wait.
-const SLOW: f64 = 3.0;
+const TRUSTED_SPEED: f64 = 3.0;
 
 /// Which of two goes first, as both see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Order {
-    /// The other one, which passes something that ends so far before the stretch [m].
+pub(super) enum Priority {
+    /// The other vehicle, which passes something that ends this far before the stretch [m].
     First(f64),
     /// The agent, and the other one is parked or slow enough to wait.
     Waits,
@@ -54,26 +54,26 @@ impl Passer {
         Self { gap, moved: side * d, velocity: request.state.velocity, position }
     }
 
-    /// Both vehicles find the same one: one that has begun, then the nearer one, then the one with the smaller
-    /// coordinates, which is arbitrary but never the same for both.
-    fn goes_before(&self, other: &Self, seconds: f64) -> bool {
-        let is_over = |passer: &Self| passer.moved > OVER;
+    /// Both vehicles find the same answer: the vehicle that has begun goes first, then the nearer one, then the vehicle
+    /// with the smaller coordinates, which is arbitrary but never the same for both.
+    fn passes_first(&self, other: &Self, seconds: f64) -> bool {
+        let is_over = |passer: &Self| passer.moved > COMMITTED_OFFSET;
         if is_over(self) != is_over(other) {
             return is_over(self);
         }
-        let is_nearer = if (self.gap - other.gap).abs() > TIE {
+        let is_nearer = if (self.gap - other.gap).abs() > DISTANCE_TIE {
             self.gap < other.gap
         } else {
             (self.position.x, self.position.y) < (other.position.x, other.position.y)
         };
         let first = if is_nearer { self } else { other };
-        let is_swapped = first.velocity.abs() < STATIONARY_SPEED && (seconds / TURN).rem_euclid(2.0) >= 1.0;
+        let is_swapped = first.velocity.abs() < STATIONARY_SPEED && (seconds / TURN_TIME).rem_euclid(2.0) >= 1.0;
         is_nearer != is_swapped
     }
 }
 
 /// The lane of the other direction.
-pub(super) struct Lane<'a> {
+pub(super) struct OpposingLane<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     /// Its lanelets, and where on each the stretch begins that the agent uses [m].
     pub(super) entries: &'a [(usize, f64)],
@@ -83,27 +83,27 @@ pub(super) struct Lane<'a> {
     pub(super) deceleration: f64,
 }
 
-impl Lane<'_> {
+impl OpposingLane<'_> {
     /// Whether an oncoming vehicle goes before the agent because something stands on its lane, too.
-    pub(super) fn order(&self, other: &Other, agent: &Passer) -> Order {
-        let Some((ahead, d, lanelet)) = self.place(other.pose.position) else { return Order::None };
+    pub(super) fn order(&self, other: &Other, agent: &Passer) -> Priority {
+        let Some((ahead, d, lanelet)) = self.place(other.pose.position) else { return Priority::None };
         let side = self.request.road.lanelets()[lanelet].center.project(agent.position).d.signum();
         let stands = other.velocity.abs() < STATIONARY_SPEED;
         // A vehicle that stands on the far side of its lane is parked.
-        if is_left(other) || stands && side * d <= -QUEUE_OFFSET {
-            return Order::Waits;
+        if is_parked(other) || stands && side * d <= -QUEUE_OFFSET {
+            return Priority::Waits;
         }
-        let Some((passer, end)) = self.passer(other, ahead, side * d) else { return Order::None };
+        let Some((passer, end)) = self.passer(other, ahead, side * d) else { return Priority::None };
         let seconds = self.request.time_step as f64 * self.request.dt;
-        if passer.goes_before(agent, seconds) {
-            return Order::First(end);
+        if passer.passes_first(agent, seconds) {
+            return Priority::First(end);
         }
         let can_stop = 0.5 * passer.velocity.powi(2) / self.deceleration < passer.gap - LEAD;
-        if passer.velocity.abs() <= SLOW && can_stop { Order::Waits } else { Order::None }
+        if passer.velocity.abs() <= TRUSTED_SPEED && can_stop { Priority::Waits } else { Priority::None }
     }
 
-    /// An oncoming vehicle that has to pass something near what the agent passes, so far before the stretch and so far
-    /// moved over [m]; and how far before the stretch that ends [m].
+    /// An oncoming vehicle `ahead` of the stretch and `moved` over [m] that has to pass something near what the agent
+    /// passes, and the distance before the stretch at which that ends [m].
     fn passer(&self, other: &Other, ahead: f64, moved: f64) -> Option<(Passer, f64)> {
         if is_person(other) {
             return None;
@@ -130,9 +130,10 @@ impl Lane<'_> {
         let (cos, sin) = (axis.dot(body.axis).abs(), axis.cross(body.axis).abs());
         let half_s = body.half_length * cos + body.half_width * sin;
         let half_d = body.half_length * sin + body.half_width * cos;
-        let stays = is_left(block) || d.abs() >= QUEUE_OFFSET;
-        let is_in_the_way = stays && d.abs() - half_d < half_width + MARGIN;
-        let is_near = middle - half_s < self.own.1 + APART && middle + half_s > self.own.0 - APART;
+        let stays = is_parked(block) || d.abs() >= QUEUE_OFFSET;
+        let is_in_the_way = stays && d.abs() - half_d < half_width + BLOCKING_MARGIN;
+        let is_near =
+            middle - half_s < self.own.1 + OBSTRUCTION_DISTANCE && middle + half_s > self.own.0 - OBSTRUCTION_DISTANCE;
         let is_behind = middle - half_s > ahead + half_length;
         let gap = ahead - middle - half_s - half_length;
         (is_in_the_way && is_near && !is_behind).then_some((gap, middle - half_s))
@@ -141,7 +142,7 @@ impl Lane<'_> {
     /// How far a place lies before the stretch along the lane, its offset to the lane's left [m], and the lanelet.
     fn place(&self, place: Point) -> Option<(f64, f64, usize)> {
         let road = self.request.road;
-        let here = road.lanelets_near(place, BESIDE);
+        let here = road.lanelets_near(place, PASSING_OFFSET);
         let entries = self.entries.iter().filter(|(lanelet, _)| here.binary_search(lanelet).is_ok());
         let along = entries.map(|(lanelet, entry)| {
             let foot = road.lanelets()[*lanelet].center.project(place);
@@ -155,7 +156,7 @@ impl Lane<'_> {
 pub(super) fn distance(other: &Other, request: &PlanRequest, entries: &[(usize, f64)]) -> Option<f64> {
     let road = request.road;
     let axis = Point::from_angle(other.pose.orientation) * if other.velocity < 0.0 { -1.0 } else { 1.0 };
-    let here = road.lanelets_near(other.pose.position, BESIDE);
+    let here = road.lanelets_near(other.pose.position, PASSING_OFFSET);
     let entries = entries.iter().filter(|(lanelet, _)| here.binary_search(lanelet).is_ok());
     let along = entries.filter_map(|(lanelet, entry)| {
         let foot = road.lanelets()[*lanelet].center.project(other.pose.position).s;

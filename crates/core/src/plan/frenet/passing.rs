@@ -1,4 +1,4 @@
-//! What stands in the way and is passed: on which side there is room.
+//! Obstructions that are passed, and the side on which there is room.
 
 use std::cell::OnceCell;
 
@@ -8,25 +8,25 @@ use super::super::{Other, PlanRequest};
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
 
-/// Distance to what stands and is passed [m]: the first one for which there is room.
+/// Clearances to a passed obstruction [m]: the first with enough room counts.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
-/// Room is needed from so far before it to so far behind it [m], examined at such steps [m].
+/// Room needed before and behind the obstruction [m], examined at this step [m].
 pub(super) const LEAD: f64 = 1.0;
-pub(super) const STEP: f64 = 2.0;
-/// The agent moves to the side so long before it [s], but no less than this [m].
-const TIME: f64 = 3.0;
-pub(super) const LENGTH: f64 = 10.0;
+pub(super) const ROOM_STEP: f64 = 2.0;
+/// Time before the obstruction at which the agent moves to the side [s], but at least this distance [m].
+const SWING_TIME: f64 = 3.0;
+pub(super) const SWING_LENGTH: f64 = 10.0;
 /// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
 pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
 const WAITING_REACH: f64 = 15.0;
 
-/// How far ahead of its front the agent looks for a place beside what it passes [m].
+/// Distance ahead of its front within which the agent looks for a place beside an obstruction [m].
 pub(super) fn reach(start: &Start) -> f64 {
-    LENGTH.max(TIME * start.velocity)
+    SWING_LENGTH.max(SWING_TIME * start.velocity)
 }
 
-/// What stands in the way, along and across the path.
+/// An obstruction, along and across the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Standing {
     /// Arc lengths of its nearest and furthest point [m].
@@ -51,8 +51,8 @@ pub(super) enum Passage {
 impl Standing {
     /// Where the agent can pass it; not if it waits in a queue.
     pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
-        let is_left = is_left(other);
-        if !is_left && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
+        let is_parked = is_parked(other);
+        if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;
         }
         let found = self.sides(request, d_max, |place, road| road.is_own(place));
@@ -60,16 +60,16 @@ impl Standing {
             return Some(Passage::Here(offset));
         }
         let settings = request.rules.settings;
-        let may_be_left = !is_person(other) && (is_left || self.is_parked(request));
-        if !(settings.enabled && settings.passing && may_be_left) {
+        let may_be_passed = !is_person(other) && (is_parked || self.stands_aside(request));
+        if !(settings.enabled && settings.passing && may_be_passed) {
             return None;
         }
         let found = self.sides(request, d_max, |place, road| road.is_own(place) || road.is_open(place));
-        found.filter(|offset| is_left || offset * self.d < 0.0).map(Passage::Opposite)
+        found.filter(|offset| is_parked || offset * self.d < 0.0).map(Passage::Opposite)
     }
 
     /// A vehicle at the side that waits neither before a line or a crosswalk nor behind others.
-    fn is_parked(&self, request: &PlanRequest) -> bool {
+    fn stands_aside(&self, request: &PlanRequest) -> bool {
         let before = |s: f64| (self.rear..self.front + WAITING_REACH).contains(&s);
         let follows = |other: &Other| {
             let found = request.route.path.project_near(other.pose.position, self.front, WAITING_REACH);
@@ -98,7 +98,7 @@ impl Standing {
     fn has_room(&self, request: &PlanRequest, d: f64, admits: impl Fn(Point, &Section) -> bool) -> bool {
         let (path, vehicle) = (&request.route.path, request.vehicle);
         let length = self.front - self.rear + 2.0 * LEAD + vehicle.length;
-        let n = (length / STEP).ceil();
+        let n = (length / ROOM_STEP).ceil();
         let first = self.rear - LEAD - vehicle.length;
         (0..=n as usize).all(|i| {
             let at = path.at((first + length * i as f64 / n).max(0.0));
@@ -109,8 +109,8 @@ impl Standing {
     }
 }
 
-/// It stands for good.
-pub(super) fn is_left(other: &Other) -> bool {
+/// It never moves, or is a parked vehicle.
+pub(super) fn is_parked(other: &Other) -> bool {
     other.is_static || other.kind == ParticipantKind::ParkedVehicle
 }
 

@@ -73,7 +73,7 @@ fn reordered(bits: u64) -> u64 {
     bits ^ (((bits as i64 >> 63) as u64) >> 1)
 }
 
-/// What one more step of work on a sample found.
+/// The result of one more step of work on a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Refined {
     /// It is not admissible.
@@ -144,7 +144,7 @@ pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>, lim
 }
 
 /// The admissible sample with the smallest (cost, index) and its cost. What the queue was started with are lower bounds
-/// of the costs, infinite for what is rejected already.
+/// of the costs, infinite for rejected samples.
 ///
 /// A sample is only returned when it is complete and the (bound, index) of all others is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.

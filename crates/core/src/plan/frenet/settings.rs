@@ -37,7 +37,7 @@ settings! {
         prediction: f64 = 0.07, NOT_NEGATIVE;
     }
 
-    /// Comfortable driving; the desired speed respects these values, feasibility does not depend on them.
+    /// Comfortable driving. The desired speed respects these values; feasibility does not depend on them.
     pub struct Comfort as FrenetComfort {
         /// Time gap to a leader: the reaction time of the safe speed.
         time_gap: f64 ["s"] = 0.85, positive(60.0);
@@ -45,11 +45,11 @@ settings! {
         standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
         /// Deceleration before leaders, curves and the goal.
         deceleration: f64 ["m/s²"] = COMFORTABLE_DECELERATION, positive(100.0);
-        /// Lateral acceleration in curves; at most three quarters of what the vehicle can.
+        /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
-        /// Desired and present speed differ by at most this.
+        /// Largest difference between desired and present speed.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
-        /// Lowest desired speed of late agents, and of those whose goal states neither place nor speed.
+        /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
         cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 
@@ -58,34 +58,35 @@ settings! {
     /// Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
     /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
     pub struct FrenetSettings as Frenet {
-        /// Fineness of the sampling: 48, 180, 800, 3564, 12716 samples in the grid.
+        /// Sampling density: 48, 180, 800, 3564 or 12716 samples in the grid.
         level: usize = 2, between(0.0, 4.0);
         /// Length of a plan.
         horizon: f64 ["s"] = 3.0, positive(60.0);
         /// Shortest time in which a manoeuvre ends; at most the horizon.
         t_min: f64 ["s"] = 1.1, positive(60.0);
-        /// Lateral end positions are within this distance of the reference path.
+        /// Largest lateral distance of end positions from the reference path.
         d_max: f64 ["m"] = 3.0, positive(15.0);
-        /// Distance kept from what the road admits where there is room.
+        /// Distance kept to the edge of the road where there is room.
         road_margin: f64 ["m"] = 0.1, between(0.0, 10.0);
         /// Below this speed lateral motion is planned over arc length instead of time.
         low_velocity: f64 ["m/s"] = 2.0, positive(100.0);
-        /// Predicted participants are longer by this, in all.
+        /// Total length added to predicted participants.
         prediction_margin_length: f64 ["m"] = 0.5, between(0.0, 100.0);
-        /// Predicted participants are wider by this, in all.
+        /// Total width added to predicted participants.
         prediction_margin_width: f64 ["m"] = 0.2, between(0.0, 100.0);
         /// Full opening angle of the cone behind the agent.
         rear_cone_angle: f64 ["rad"] = 20_f64.to_radians(), between(0.0, std::f64::consts::TAU);
-        /// Participants in that cone that are further away than this (centre to centre) are expected to keep their distance.
+        /// Participants in that cone further away than this (centre to centre) are expected to keep their distance.
         rear_cone_distance: f64 ["m"] = 6.0, between(0.0, 1e6);
-        /// Modes with at least this probability must not be hit; the most probable one always counts.
+        /// Smallest probability of a predicted mode that a plan must not hit; the most probable mode always counts.
         collision_mode_probability: f64 = 0.2, between(0.0, 1.0);
-        /// A less probable mode has no cost at times when the density of its positions is below this even in the middle,
-        /// because it then hardly predicts any position.
+        /// Peak density of positions below which a mode less probable than that costs nothing: it then hardly predicts
+        /// a position.
         expectation_density_min: f64 ["1/m²"] = 0.02, between(0.0, 1e6);
-        /// Also sample stops behind the leader and before the end of the goal area.
+        /// Also sample stops behind the leader and at the end of the goal area.
         stop_targets: bool = true;
-        /// Evaluate only what the choice of the best sample needs; false evaluates all. The choice is the same.
+        /// Evaluate only the samples and terms needed to find the best sample; false evaluates all. The choice is the
+        /// same.
         lazy: bool = true;
         /// Weights of the cost.
         weights: CostWeights;

@@ -5,14 +5,14 @@ use super::super::PlanRequest;
 use super::super::frame::{FrenetPoint, Start, Waypoint};
 use super::super::polynomial::Polynomial;
 use super::feasibility::{Limits, Rejection};
-use super::{ARC_MIN, Premises, last_resort};
+use super::{ARC_MIN, Assumptions, last_resort};
 use crate::error::{Error, Result};
 use crate::settings::{positive, settings};
 use crate::trajectory::State;
 use crate::vehicle::single_track::Moved;
 
 settings! {
-    /// The end of a sample in the Frenet frame, as three numbers from -1 to 1.
+    /// End state of a sample in the Frenet frame, as three numbers from -1 to 1.
     ///
     /// The first is the lateral position, the second the change of the speed, the third the time in which both are
     /// reached. The vehicle drives the first time step of the sample; then the next action counts.
@@ -23,7 +23,7 @@ settings! {
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
         /// Time for a third number of -1; at most the horizon.
         t_min: f64 ["s"] = 1.1, positive(60.0);
-        /// Time for a third number of 1; the vehicle's limits are checked so far ahead.
+        /// Time for a third number of 1; also how far ahead the vehicle's limits are checked.
         horizon: f64 ["s"] = 3.0, positive(60.0);
         /// Below this speed lateral motion is planned over arc length instead of time.
         low_velocity: f64 ["m/s"] = 2.0, positive(100.0);
@@ -69,8 +69,8 @@ impl FrenetTarget {
         let n_points = (self.horizon / dt).round().max(1.0) as usize + 1;
         let horizon = (n_points - 1) as f64 * dt;
         let knows_yaw_rate = request.previous.is_some() || request.state.velocity >= self.low_velocity;
-        if let Ok(start) = Start::new(request, Premises::STATED.yaw_rate_counts && knows_yaw_rate) {
-            let limits = Limits::new(request, n_points, start.curvature, Premises::STATED.slack);
+        if let Ok(start) = Start::new(request, Assumptions::NOMINAL.yaw_rate_counts && knows_yaw_rate) {
+            let limits = Limits::new(request, n_points, start.curvature, Assumptions::NOMINAL.slack);
             let wanted = self.t_min + 0.5 * (time + 1.0) * (self.horizon - self.t_min);
             let end = End {
                 offset: offset * self.d_max,

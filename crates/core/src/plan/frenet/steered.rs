@@ -13,7 +13,7 @@ use super::settings::CostWeights;
 use super::targets::Targets;
 use super::terms::{FrenetMotion, from_tables};
 use super::whole::{Whole, Wholes};
-use super::{Bar, length};
+use super::{Incumbent, length};
 use crate::geometry::{Point, wrap_angle};
 
 /// How the drivers differ.
@@ -47,7 +47,7 @@ pub(super) fn steer_all(
     (start, targets, limits): (&Start, &Targets, &Limits),
     samples: &mut SampleGrid,
     weights: &CostWeights,
-    bar: Bar,
+    incumbent: Incumbent,
 ) {
     wholes.clear();
     for profile in 0..samples.profiles.len() {
@@ -56,19 +56,19 @@ pub(super) fn steer_all(
         }
         samples.load_motion(profile);
         let speeds = samples.motions(profile).s_dot;
-        if speeds[limits.n_points - 1] <= bar.velocity {
+        if speeds[limits.n_points - 1] <= incumbent.velocity {
             continue;
         }
         // As if the vehicle drove on the path: no bound of the cost, but those far off are spared.
         let missed = speeds[..limits.n_points].iter().map(|speed| (speed - targets.velocity).powi(2)).sum::<f64>();
-        if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= bar.cost {
+        if from_tables(weights, missed.sqrt(), 0.0, 0.0, samples.profiles[profile].jerk) >= incumbent.cost {
             continue;
         }
         for driver in &DRIVERS {
             let whole = wholes.push();
             let last = steer(whole, request, (start, targets, limits), samples, profile, driver);
             let is_before_stop = last.is_some_and(|last| last <= targets.barriers.nearest());
-            let comes_further = length(whole.points.iter().map(|point| point.center)) > bar.distance;
+            let comes_further = length(whole.points.iter().map(|point| point.center)) > incumbent.distance;
             if is_before_stop && comes_further && obstacles.cover(&whole.points) {
                 whole.sum_up(limits, targets, weights);
             } else {

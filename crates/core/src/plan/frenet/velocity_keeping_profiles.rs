@@ -28,7 +28,7 @@ pub(super) struct CoarseSpeeds<'a> {
     pub(super) end_velocity: f32,
 }
 
-/// What is found at the points of a motion along the path.
+/// Values at the points of a motion along the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ProfileCheck {
     /// It may break a limit of the vehicle.

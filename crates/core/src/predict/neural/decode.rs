@@ -18,7 +18,7 @@ const SIGMA_MIN: f64 = 0.02;
 /// Bounds of the logarithm of how fast a standard deviation grows [m/s].
 const LOG_RATE: (f64, f64) = (-5.0, 2.0);
 /// A mode that moves less than this within the knots [m] counts as standing still for a stationary vehicle.
-const STAYS: f64 = 1.0;
+const STAYING_DISTANCE: f64 = 1.0;
 /// From this speed on [m/s] a vehicle turns with its motion; slower, it turns less the slower it is.
 const TURNING_SPEED: f64 = 1.5;
 
@@ -264,9 +264,9 @@ impl<'a> Vehicle<'a> {
     }
 }
 
-/// For a stationary vehicle: all modes that hardly move become one that does not move at all.
+/// For a stationary vehicle: all modes that hardly move become one motionless mode.
 fn stay_or_go(modes: &mut Vec<Mode>) {
-    let stays = |mode: &Mode| mode.s[N_KNOTS] < STAYS;
+    let stays = |mode: &Mode| mode.s[N_KNOTS] < STAYING_DISTANCE;
     if let Some(first) = modes.iter().copied().find(stays) {
         let probability = modes.iter().filter(|mode| stays(mode)).map(|mode| mode.probability).sum();
         modes.retain(|mode| !stays(mode));

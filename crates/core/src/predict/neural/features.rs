@@ -14,7 +14,7 @@ use crate::vehicle::ParticipantKind;
 /// Neighbours are within this distance [m].
 const NEIGHBOUR_DISTANCE: f64 = 60.0;
 /// Participants farther away [m] in x or y of the world are ignored, up to the size of a cell.
-const SIGHT: f64 = 100.0;
+const SIGHT_RADIUS: f64 = 100.0;
 /// Curves are driven with this lateral acceleration [m/s²].
 const LATERAL_ACCELERATION: f64 = 3.0;
 /// No curve allows more [m/s].
@@ -24,12 +24,12 @@ const STRETCHES: [f64; 7] = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0];
 /// The known road is examined this far [m].
 const END_MAX: f64 = 100.0;
 /// Features are kept within this value: nothing that is broken gets far.
-const LIMIT: f64 = 10.0;
+const FEATURE_LIMIT: f64 = 10.0;
 
 fn write(out: &mut [f32], features: &[Feature], values: &[f64]) {
     debug_assert!(out.len() == values.len() && features.len() == values.len(), "one value per feature");
     for ((out, feature), value) in out.iter_mut().zip(features).zip(values) {
-        *out = (value / feature.scale).clamp(-LIMIT, LIMIT) as f32;
+        *out = (value / feature.scale).clamp(-FEATURE_LIMIT, FEATURE_LIMIT) as f32;
     }
 }
 
@@ -93,7 +93,7 @@ pub fn write_surroundings<'a>(
     paths.fill(0.0);
     let mut nearest: [Option<(f64, &'a PresentBody)>; N_NEIGHBOURS] = [None; N_NEIGHBOURS];
     let mut traffic: [Traffic<'a>; N_PATHS] = [Traffic::default(); N_PATHS];
-    surroundings.visit(own.position, SIGHT, |other| {
+    surroundings.visit(own.position, SIGHT_RADIUS, |other| {
         if other.row == own.row {
             return;
         }

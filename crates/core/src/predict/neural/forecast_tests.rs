@@ -30,7 +30,7 @@ fn tensor(name: &str, shape: &[usize], values: Vec<f32>) -> Tensor {
     Tensor { name: name.to_string(), shape: shape.to_vec(), values }
 }
 
-/// Tensors of a small network with so many modes per path, weights of this size.
+/// Tensors of a small network with `n_modes` modes per path and weights of this size.
 fn tensors(n_modes: usize, size: f32) -> Vec<Tensor> {
     let mut tensors = vec![
         tensor("calibration.s", &[N_KNOTS], vec![1.0; N_KNOTS]),
@@ -390,7 +390,7 @@ fn tensors_that_do_not_fit_are_refused_by_their_name() {
         (|t| t[3].shape = vec![13], "tensor agent.0.bias has shape [13], (12) is expected"),
         (|t| t[4].values[0] = f32::NAN, "tensor agent.1.weight has values that are not finite numbers"),
         (|t| t[0].values[2] = 0.0, "tensor calibration.s has values that are not positive"),
-        (|t| t.push(tensor("more", &[1], vec![1.0])), "nothing is known of the tensor more"),
+        (|t| t.push(tensor("more", &[1], vec![1.0])), "unknown tensor more"),
         (
             |t| {
                 let n = t.len();

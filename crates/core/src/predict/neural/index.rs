@@ -72,7 +72,8 @@ impl Index {
         }
     }
 
-    /// The stretches that may be nearer to a point than `distance` [m], and those that a straight way from there may meet.
+    /// The stretches that may be nearer to a point than `distance` [m], and the stretches that a straight way from
+    /// there may meet.
     pub(super) fn look(&self, point: Point, distance: f64, way: Point) -> Candidates {
         let found = look(&self.blocks, point, distance, way);
         let known = if self.n < BITS { (1 << self.n) - 1 } else { u64::MAX };

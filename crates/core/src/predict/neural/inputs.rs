@@ -17,7 +17,7 @@ pub const N_KNOTS: usize = 6;
 pub const KNOT_TIME: f64 = 0.5;
 
 /// Vehicles that reverse faster than this [m/s] are predicted with constant velocity.
-const REVERSING: f64 = -0.3;
+const REVERSING_SPEED: f64 = -0.3;
 /// A future position farther than this [m] beside a path is not on it.
 const OFFSET_MAX: f64 = 20.0;
 /// An offset from the path is given up within four seconds, but within no less than this distance [m].
@@ -62,7 +62,7 @@ impl Inputs {
                 ParticipantKind::Pedestrian | ParticipantKind::ConstructionZone | ParticipantKind::Structure
             )
             && scene.state(row).is_finite()
-            && scene.observed_velocity(row) >= REVERSING
+            && scene.observed_velocity(row) >= REVERSING_SPEED
     }
 
     /// Of all vehicles of a scene.

@@ -81,7 +81,7 @@ pub struct Network {
     pub dead_zone: [f64; 2],
     /// When modes are one.
     pub merging: Merging,
-    /// The wide modes of vehicles that drive and of those that stand, if there are any.
+    /// The wide modes of driving and of standing vehicles, if there are any.
     pub tail: Option<[Tail; 2]>,
 }
 
@@ -95,7 +95,7 @@ impl Tensors {
         self.left.iter().position(|tensor| tensor.name == name).map(|i| self.left.swap_remove(i))
     }
 
-    /// Values of a tensor of one dimension, or those that stand for a missing one.
+    /// Values of a tensor of one dimension, or their replacement if it is missing.
     fn optional_values<const N: usize>(&mut self, name: &str, missing: [f64; N]) -> Result<[f64; N]> {
         if !self.left.iter().any(|tensor| tensor.name == name) {
             return Ok(missing);
@@ -122,7 +122,7 @@ impl Tensors {
         Ok(found)
     }
 
-    /// Weights, bias and number of outputs of a layer with so many inputs; 0 outputs: any number.
+    /// Weights, bias and number of outputs of a layer with `n_in` inputs; 0 outputs: any number.
     fn layer(&mut self, name: &str, n_in: usize, n_out: usize) -> Result<(Vec<f32>, Vec<f32>, usize)> {
         let weight = self.take(&format!("{name}.weight"), &[n_out, n_in])?;
         let n_out = weight.shape[0];
@@ -201,7 +201,7 @@ impl Network {
         }
         let tail = (p_drives + p_stands > 0.0).then(|| tail.map(|(probability, factor)| Tail { probability, factor }));
         if let Some(unknown) = tensors.left.first() {
-            return Err(Error::invalid(format!("nothing is known of the tensor {}", unknown.name)));
+            return Err(Error::invalid(format!("unknown tensor {}", unknown.name)));
         }
         Ok(Self {
             agent,

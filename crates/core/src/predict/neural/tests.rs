@@ -17,7 +17,7 @@ use crate::vehicle::ParticipantKind;
 /// A participant of a test: kind and the states until now, `dt` apart, the last one is now; `None`: absent.
 pub(super) struct Track(pub ParticipantKind, pub Vec<Option<State>>);
 
-/// A car that came straight with constant speed for so many steps.
+/// A car that drove straight at constant speed for `steps` steps.
 pub(super) fn car(x: f64, y: f64, orientation: f64, velocity: f64, steps: usize, dt: f64) -> Track {
     let axis = Point::from_angle(orientation);
     let state = |k: usize| {

@@ -5,12 +5,12 @@ use super::surroundings::PresentBody;
 
 /// Gaps are capped at this length [m].
 pub const GAP_MAX: f64 = 80.0;
-/// Crossing traffic counts if it reaches the path within this time [s].
+/// CrossingParticipant traffic counts if it reaches the path within this time [s].
 const CROSSING_TIME: f64 = 4.0;
 /// Slower ones [m/s] cross nothing.
 const CROSSING_SPEED: f64 = 0.5;
 /// Footprints pass each other on a path if this much room [m] is left.
-const ROOM: f64 = 0.2;
+const PASSING_ROOM: f64 = 0.2;
 
 /// A participant on a path: bumper gap [m], velocity along the path [m/s], offset [m], body.
 #[derive(Clone, Copy)]
@@ -29,7 +29,7 @@ impl OnPath<'_> {
 
 /// A participant that crosses a path.
 #[derive(Clone, Copy)]
-pub struct Crossing {
+pub struct CrossingParticipant {
     pub s: f64,
     row: usize,
     pub time: f64,
@@ -44,19 +44,19 @@ pub struct Traffic<'a> {
     pub leader: Option<OnPath<'a>>,
     pub second: Option<OnPath<'a>>,
     pub follower: Option<OnPath<'a>>,
-    pub crossing: Option<Crossing>,
+    pub crossing: Option<CrossingParticipant>,
 }
 
 impl<'a> Traffic<'a> {
     /// Adds a participant that is on the path or is going to cross it.
     pub fn meet(&mut self, path: &CandidatePath, own: &PresentBody, other: &'a PresentBody) {
-        let reach = own.half_width + other.half_length + ROOM;
+        let reach = own.half_width + other.half_length + PASSING_ROOM;
         let way = other.axis * (other.velocity * CROSSING_TIME);
         let candidates = path.look(other.position, reach, way);
         if let Some((s, offset, segment)) = path.near(other.position, reach, candidates) {
             let along = path.axis_of(segment);
             let (half_along, half_across) = other.half_extent(along);
-            if offset.abs() <= own.half_width + half_across + ROOM {
+            if offset.abs() <= own.half_width + half_across + PASSING_ROOM {
                 let gap = s.abs() - half_along - own.half_length;
                 let velocity = other.velocity * other.axis.dot(along);
                 self.on_path(OnPath { gap, velocity, offset, body: other }, s >= 0.0);
@@ -73,7 +73,7 @@ impl<'a> Traffic<'a> {
             let (along, direction) = (path.axis_of(segment), other.axis * other.velocity.signum());
             let (cos, sin) = (direction.dot(along), along.cross(direction));
             let (time, speed) = (fraction * CROSSING_TIME, other.velocity.abs());
-            self.crossing = Some(Crossing { s, row: other.row, time, speed, cos, sin });
+            self.crossing = Some(CrossingParticipant { s, row: other.row, time, speed, cos, sin });
         }
     }
 

@@ -28,7 +28,7 @@ pub struct Bar {
 pub struct Agreement {
     /// Id of the agent that holds.
     pub holding: i64,
-    /// Id of the one that goes; `None`: the way behind the zone is blocked.
+    /// Id of the agent that goes; `None`: the way behind the zone is blocked.
     pub going: Option<i64>,
     /// First time step.
     pub first: i64,

@@ -9,7 +9,7 @@ use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::geometry::Point;
 use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
 use crate::v2x::inbox::Inbox;
-use crate::v2x::message::{Body, Claim, PlanPoint};
+use crate::v2x::message::{Claim, Payload, PlanPoint};
 use crate::v2x::trigger::interpolated;
 
 /// Slower vehicles accelerate to this speed [m/s] on their way through a zone.
@@ -93,7 +93,8 @@ pub(super) fn zones<'a>(
     let reach = CLAIM_DISTANCE + agent.velocity.powi(2) / (2.0 * COMFORTABLE_DECELERATION);
     let mut found = Vec::new();
     for (place, message) in plans(inbox, agent.place) {
-        let Body::Mcm { status, way, claim, spacing, points, passes, areas, is_ordered, .. } = &message.body else {
+        let Payload::Mcm { status, way, claim, spacing, points, passes, areas, is_ordered, .. } = &message.payload
+        else {
             continue;
         };
         if agent.is_ordered && *is_ordered && common(ours, areas).next().is_some() {

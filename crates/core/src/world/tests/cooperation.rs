@@ -13,7 +13,7 @@ fn connected(agents: Vec<Agent>, recorded: &[Recorded], v2x: V2xSettings) -> Wor
     world_with(agents, recorded, settings)
 }
 
-/// What happens at constant acceleration until it stands: one point per step for so many seconds.
+/// Drive at constant acceleration until standstill: one point per step for `seconds`.
 fn drive(from: State, acceleration: f64, seconds: f64) -> Vec<State> {
     let stop = if acceleration < 0.0 { -from.velocity / acceleration } else { f64::INFINITY };
     let at = |k: usize| {
@@ -47,7 +47,7 @@ fn expected(world: &World) -> (Predictions, Expectations) {
     let scene = world.scene();
     let spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
     let table = world.predict(&Predictor::ConstantVelocity(spread), &scene, 30).expect("predictions");
-    let found = world.expect(&scene, &table).expect("of now").expect("agents with V2X");
+    let found = world.with_messages(&scene, &table).expect("of now").expect("agents with V2X");
     (table, found)
 }
 

@@ -114,7 +114,7 @@ impl PredictedMode {
 }
 
 impl PredictedFootprints {
-    /// Forgets everything; for at most so many sources.
+    /// Clears everything and reserves `n_sources` sources.
     pub(super) fn begin(&mut self, n_sources: usize, reach: &Reach) {
         const NOTHING: Cell = [[f32::NAN; GROUP]; N_NUMBERS];
         self.sources.clear();

@@ -38,9 +38,9 @@ impl Obstacles {
     /// First contact of a sample with a mode that counts, if any.
     ///
     /// Not a contact: a participant behind the agent's rear with the same heading, while the agent stays in its lane or
-    /// changes into a gap that is large enough (it would hit the agent, so keeping the distance is its task), or one that
-    /// comes second and must yield, unless the agent changes lanes, from then on for good; an overlap that exists from the
-    /// start, until it first ends, as long as the centres do not approach.
+    /// changes into a gap that is large enough (it would hit the agent, so keeping the distance is its task), or a
+    /// participant that comes second and must yield, unless the agent changes lanes, from then on for good; an overlap
+    /// that exists from the start, until it first ends, as long as the centres do not approach.
     pub(in crate::plan::frenet) fn first_contact(
         &mut self,
         points: &[Waypoint],
@@ -114,8 +114,8 @@ fn is_follower(ego: &OrientedBox, other: &OrientedBox) -> bool {
     (other.center - ego.center).dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE
 }
 
-/// The other would run with its front into the agent's rear half, although it can still stop before that: the
-/// one that comes second waits. Without this rule two that meet at walking pace wait for each other.
+/// The other would run with its front into the agent's rear half, although it can still stop before that: the vehicle
+/// that comes second waits. Without this rule two vehicles that meet at walking pace wait for each other.
 fn must_yield(ego: &OrientedBox, swept: &SweptInterval, dt: f64, time: f64) -> bool {
     let front = swept.end.center + swept.end.axis * swept.end.half_length;
     let speed = swept.displacement.dot(swept.end.axis) / dt;

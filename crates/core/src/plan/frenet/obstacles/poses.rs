@@ -33,7 +33,7 @@ pub(super) struct Stretch {
 }
 
 impl Poses {
-    /// No pose at all, for so many intervals with padding.
+    /// Clears all poses and reserves `stride` intervals with padding.
     pub(super) fn begin(&mut self, stride: usize) {
         for column in [&mut self.x, &mut self.y, &mut self.axis_x, &mut self.axis_y] {
             column.clear();

@@ -9,8 +9,7 @@ use crate::plan::frame::{Start, Waypoint};
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;
-/// The path is looked at in steps of so many knots, about 2 m. In between it bulges by less than this at the tightest
-/// radius of 2 m [m].
+/// Knots per step along the path, about 2 m, and the bulge of the path in between at the tightest radius of 2 m [m].
 const KNOTS: usize = 4;
 const BULGE: f64 = 0.25;
 /// How much further than the samples the agent is taken to get along the path [m].
@@ -89,7 +88,7 @@ impl Reach {
         }
     }
 
-    /// Regions of so many points around a pose.
+    /// Clears the regions: `n_points` points around a pose.
     pub(super) fn begin(&mut self, pose: Pose, n_points: usize) {
         (self.origin, self.axis, self.whole) = (pose.position, Point::from_angle(pose.orientation), Aabb::EMPTY);
         self.n_points = n_points;

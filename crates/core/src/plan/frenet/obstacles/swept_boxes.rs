@@ -23,7 +23,7 @@ pub(super) struct SweptBoxes {
 }
 
 impl SweptBoxes {
-    /// Forgets all; for so many intervals with padding.
+    /// Clears everything and reserves `stride` intervals with padding.
     pub(super) fn begin(&mut self, stride: usize) {
         self.boxes.clear();
         self.counts.clear();

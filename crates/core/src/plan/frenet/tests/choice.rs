@@ -6,7 +6,7 @@ use super::{Car, Drive};
 use crate::geometry::shape::{Lcg, Shape};
 use crate::geometry::{Point, Pose};
 use crate::plan::frenet::{
-    Bar, CostWeights, FrenetMemory, FrenetSettings, Premises, Rejection, attempt, candidates, plan, steered,
+    Assumptions, CostWeights, FrenetMemory, FrenetSettings, Incumbent, Rejection, attempt, candidates, plan, steered,
 };
 use crate::plan::{self, IdmSettings, PlanRequest, Planner, PredictionIndex, Prepared};
 use crate::road::testing::{arc, lane, open};
@@ -278,25 +278,27 @@ fn effort_is_that_of_all_attempts_of_the_last_plan_and_of_no_other() {
     let across = |x: f64| Car { shape: Shape::rectangle(20.0, 3.0), ..Car::at(x, 0.0, FRAC_PI_2, 0.0) };
     let blocked = Drive::on_three_lanes(100.0, 15.0).with_cars(vec![across(111.0)]);
     let (settings, mut memory) = (FrenetSettings::default(), FrenetMemory::default());
-    let of_attempt = |premises: Premises| {
+    let of_attempt = |assumptions: Assumptions| {
         let mut fresh = FrenetMemory::default();
-        let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, premises));
+        let result = blocked.with_request(|request| attempt(request, &settings, &mut fresh, assumptions));
         assert_ne!(result.status, PlanStatus::Planned, "there is no way around it");
         (fresh.effort(), fresh.evaluation.off_road_cost.is_finite())
     };
-    let (stated, leaves_road) = of_attempt(Premises::STATED);
-    let narrow = if leaves_road { of_attempt(Premises::NARROW).0 } else { 0 };
+    let (stated, leaves_road) = of_attempt(Assumptions::NOMINAL);
+    let narrow = if leaves_road { of_attempt(Assumptions::NARROW).0 } else { 0 };
     let steered = {
         let mut fresh = FrenetMemory::default();
         blocked.with_request(|request| {
-            attempt(request, &settings, &mut fresh, Premises::STATED);
+            attempt(request, &settings, &mut fresh, Assumptions::NOMINAL);
             fresh.effort = 0;
-            steered(request, &settings, &mut fresh, Bar::NONE);
+            steered(request, &settings, &mut fresh, Incumbent::NONE);
         });
         fresh.effort()
     };
-    let all =
-        stated + narrow + steered + Premises::DOUBTED.map(|premises| of_attempt(premises).0).iter().sum::<usize>();
+    let all = stated
+        + narrow
+        + steered
+        + Assumptions::RELAXED.map(|assumptions| of_attempt(assumptions).0).iter().sum::<usize>();
     for _ in 0..2 {
         blocked.with_request(|request| plan(request, &settings, &mut memory));
         assert!(memory.effort() == all && all > stated && stated > 0, "{} of {all}, first {stated}", memory.effort());

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use super::Drive;
 use crate::geometry::shape::Lcg;
 use crate::plan::frenet::{
-    Bar, FrenetMemory, FrenetSettings, Premises, attempt, end_velocity, faster, is_held_by_road,
+    Assumptions, FrenetMemory, FrenetSettings, Incumbent, attempt, end_velocity, faster, is_held_by_road,
 };
 use crate::road::testing::{arc, open, straight, tapered_lane};
 
@@ -32,7 +32,7 @@ fn a_plan_that_crawls_for_the_road_is_replaced_by_the_one_that_a_search_from_not
         let drive = in_a_narrow_bend(&mut random);
         drive.with_request(|request| {
             memory.effort = 0;
-            let crawling = attempt(request, &lazy, &mut memory, Premises::STATED);
+            let crawling = attempt(request, &lazy, &mut memory, Assumptions::NOMINAL);
             if !is_held_by_road(&crawling, &memory) {
                 return;
             }
@@ -42,13 +42,13 @@ fn a_plan_that_crawls_for_the_road_is_replaced_by_the_one_that_a_search_from_not
             let found = faster(request, &lazy, &mut memory, &crawling);
             effort += memory.effort;
             anew.effort = 0;
-            attempt(request, &lazy, &mut anew, Premises::NARROW);
+            attempt(request, &lazy, &mut anew, Assumptions::NARROW);
             effort_anew += anew.effort;
             // The motions of the first search give what a search from nothing finds, sample by sample.
             let (eager, all) = (drive.plan(&full), drive.candidates(&lazy));
             let chosen = all.chosen.expect("at least the plan that crawls");
             let result = found.as_ref().unwrap_or(&crawling);
-            if Bar::of(result).is_held_by_limits(&undrivable) {
+            if Incumbent::of(result).is_held_by_limits(&undrivable) {
                 return; // Then samples are steered.
             }
             assert_eq!(eager.trajectory, result.trajectory, "world {world}");

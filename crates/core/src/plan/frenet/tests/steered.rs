@@ -8,7 +8,7 @@ use crate::plan::frame::Start;
 use crate::plan::frenet::feasibility::{Limits, Rejection};
 use crate::plan::frenet::targets::Targets;
 use crate::plan::frenet::whole::Whole;
-use crate::plan::frenet::{Bar, FrenetMemory, FrenetSettings, Premises, attempt, end_velocity, plan, steered};
+use crate::plan::frenet::{Assumptions, FrenetMemory, FrenetSettings, Incumbent, attempt, end_velocity, plan, steered};
 use crate::road::testing::{arc, lane, open, straight};
 use crate::trajectory::PlanStatus;
 
@@ -35,13 +35,13 @@ fn steered_samples_begin_with_the_present_speed_and_keep_the_limits_of_steering(
     for world in 0..60 {
         askew(&mut random).with_request(|request| {
             let mut memory = FrenetMemory::default();
-            attempt(request, &settings, &mut memory, Premises::STATED);
+            attempt(request, &settings, &mut memory, Assumptions::NOMINAL);
             let start = Start::new(request, true).expect("beside its path");
             let limits = Limits::new(request, 31, start.curvature, 1.0);
             let targets = Targets::new(request, &start, &settings);
             let FrenetMemory { wholes, obstacles, samples, .. } = &mut memory;
             let state = (&start, &targets, &limits);
-            steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Bar::NONE);
+            steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Incumbent::NONE);
             for whole in wholes.iter() {
                 let first = whole.points[0].velocity;
                 assert!((first - request.state.velocity).abs() < 1e-9, "{world}: {first} m/s");
@@ -72,7 +72,7 @@ fn where_samples_of_the_grid_turn_the_wheels_too_fast_a_steered_one_goes_on() {
     let (mut memory, mut n_faster, mut n_rescued) = (FrenetMemory::default(), 0, 0);
     for world in 0..100 {
         askew(&mut random).with_request(|request| {
-            let grid = attempt(request, &settings, &mut memory, Premises::STATED);
+            let grid = attempt(request, &settings, &mut memory, Assumptions::NOMINAL);
             let best = plan(request, &settings, &mut memory);
             if grid.status == PlanStatus::Planned {
                 assert!(best.cost <= grid.cost && end_velocity(&best) >= end_velocity(&grid), "world {world}");
@@ -87,11 +87,11 @@ fn where_samples_of_the_grid_turn_the_wheels_too_fast_a_steered_one_goes_on() {
 
 #[test]
 fn only_samples_that_are_cheaper_and_clearly_faster_are_missed() {
-    let bar = Bar { cost: 10.0, velocity: 3.0, distance: 9.0 };
+    let incumbent = Incumbent { cost: 10.0, velocity: 3.0, distance: 9.0 };
     for (cost, velocity, expected) in [(9.0, 4.5, true), (11.0, 4.5, false), (9.0, 3.5, false)] {
-        assert_eq!(bar.is_held_by_limits(&[(cost, velocity)]), expected, "{cost} {velocity}");
+        assert_eq!(incumbent.is_held_by_limits(&[(cost, velocity)]), expected, "{cost} {velocity}");
     }
-    assert!(Bar::NONE.is_held_by_limits(&[(50.0, 0.0)]), "any is better than no plan");
+    assert!(Incumbent::NONE.is_held_by_limits(&[(50.0, 0.0)]), "any is better than no plan");
 }
 
 #[test]
@@ -113,13 +113,13 @@ fn further_inside(side: f64) {
     drive.entry_velocity = 5.0;
     drive.with_request(|request| {
         let mut memory = FrenetMemory::default();
-        attempt(request, &settings, &mut memory, Premises::STATED);
+        attempt(request, &settings, &mut memory, Assumptions::NOMINAL);
         let start = Start::new(request, true).expect("on its path");
         let limits = Limits::new(request, 31, start.curvature, 1.0);
         let targets = Targets::new(request, &start, &settings);
         let FrenetMemory { wholes, obstacles, samples, .. } = &mut memory;
         let state = (&start, &targets, &limits);
-        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Bar::NONE);
+        steered::steer_all((wholes, obstacles), request, state, samples, &settings.weights, Incumbent::NONE);
         let wholes: Vec<_> = wholes.iter().collect();
         let mut n = 0;
         // Each speed has two drivers, this one is the second; those that leave the path are missing.
