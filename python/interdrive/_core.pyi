@@ -42,6 +42,7 @@ __all__ = [
     "STANDSTILL_SPEED",
     "STOP_REACH",
     "Agent",
+    "Barriers",
     "Ego",
     "Goal",
     "NeuralInputs",

@@ -1,12 +1,13 @@
 //! The end of a world in which nothing moves any more.
 
 use super::{Drive, World};
-use crate::conduct::STANDSTILL_SPEED;
 use crate::geometry::Point;
 use crate::recording::OutcomeKind;
 use crate::scenario::Scenario;
 
-/// An agent that stands is no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
+/// An agent stands while it is slower than this [m/s] ...
+const STANDING_SPEED: f64 = 0.05;
+/// ... and no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
 const STANDING_DISTANCE: f64 = 0.1;
 
 /// Where an agent stands, and since which time step.
@@ -42,7 +43,7 @@ impl World {
             };
             let at = state.pose().position;
             let stands =
-                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < STANDSTILL_SPEED;
+                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < STANDING_SPEED;
             let stand = drive.stand.filter(stands).unwrap_or(Stand { at, since: time_step });
             drive.stand = Some(stand);
             let goal = &drive.agent.goal;
