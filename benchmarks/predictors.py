@@ -41,7 +41,7 @@ COLUMNS = (
     Column("agent_id", "integer", ""),
     Column("outcome", "label", "how it ended"),
     Column("time_step", "integer", "when"),
-    Column("partner_id", "integer", "the other participant of a collision", nullable=True),
+    Column("partner_id", "integer", "the other participant of a collision", null="no value"),
     Column("partner_is_agent", "truth", "it was driven by a planner, too"),
     Column("off_road", "truth", "the collision was with the edge of the road"),
 )

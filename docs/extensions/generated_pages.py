@@ -56,10 +56,10 @@ def columns(found: Sequence[Column]) -> str:
     """A table of columns with the types that the file has."""
     types = {field.name: field.type for field in arrow_table(found, {column.name: [] for column in found}).schema}
     rows = (
-        f"| `{one.name}` | {name_of(types[one.name])} | {'yes' if one.nullable else ''} | {cell(one.text)} |"
+        f"| `{one.name}` | {name_of(types[one.name])} | {one.unit} | {cell(one.text)} | {cell(one.null)} |"
         for one in found
     )
-    return "\n".join(("| column | type | may be null | meaning |", "|---|---|---|---|", *rows))
+    return "\n".join(("| column | type | unit | meaning | null where |", "|---|---|---|---|---|", *rows))
 
 
 def name_of(kind: pa.DataType) -> str:

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from interdrive.files import commonroad_objects, run_document
-from interdrive.results import read_part, read_run, save, tables
+from interdrive.results import read_part, read_run, save
+from interdrive.results.tables import TABLES
 from interdrive.run import RunRecord
+from interdrive.run.arrays import Tabular
 from interdrive.run.assemble import recorded_traffic
-from interdrive.run.record import Tabular
 from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
@@ -36,21 +37,6 @@ __all__ = ["Run", "RunInterrupted", "RunPage", "load", "recorded_run", "reopen"]
 
 T = TypeVar("T")
 
-#: Parts of a run by name, and what makes their tables.
-_TABLES = {
-    "outcomes": tables.outcome_table,
-    "states": tables.states_table,
-    "plans": tables.plans_table,
-    "timings": tables.timing_table,
-    "views": tables.views_table,
-    "predictions": tables.predictions_table,
-    "candidates": tables.candidates_table,
-    "violations": tables.violations_table,
-    "orders": tables.orders_table,
-    "messages": tables.messages_table,
-    "agreements": tables.agreements_table,
-}
-
 
 @dataclass(frozen=True, repr=False)
 class Run(RunRecord):
@@ -59,11 +45,12 @@ class Run(RunRecord):
     def __post_init__(self) -> None:
         # Tables are made from parts that know of no run, so that a run and its parts do not hold each other.
         bare = RunRecord(**{field.name: _unbound(getattr(self, field.name)) for field in fields(self)})
-        for name, maker in _TABLES.items():
-            if (part := getattr(bare, name)) is not None:
+        for name, maker in TABLES.items():
+            field = {"timing": "timings"}.get(name, name)
+            if isinstance(part := getattr(bare, field, None), Tabular):
                 bound = copy(part)
                 object.__setattr__(bound, "_as_table", partial(maker, bare))
-                object.__setattr__(self, name, bound)
+                object.__setattr__(self, field, bound)
 
     def __repr__(self) -> str:
         counts = Counter(self.outcomes.outcome)

@@ -33,7 +33,7 @@ def driven(env, steps=200):
         ("Drive", "b4b96cc11ef06cda"),
         ("TJunction", "892929711d4bd8d7"),
         ("Merge", "782eea35fb398e91"),
-        ("Highway", "7cbf8e449f7bb47a"),
+        ("Highway", "ae5d0e3dcbb7c63a"),
         ("Intersection", "d812f3e2e4009a4e"),
     ],
 )

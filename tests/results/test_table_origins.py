@@ -19,7 +19,7 @@ from interdrive.criticality.tables import stored_criticality
 from interdrive.files import shipped_scenario
 from interdrive.results import read_results
 from interdrive.scoring import stored_score
-from interdrive.storage import Column, arrow_table, changed_settings, is_of, origin_of
+from interdrive.storage import changed_settings, is_of, origin_of
 
 SHORT = ("--planner", "idm", "--set", "step.max_steps=3", "--quiet")
 SCENARIO = hashlib.sha256(shipped_scenario("t_junction").read_bytes()).hexdigest()
@@ -55,13 +55,14 @@ def origins(folder, pattern):
     return found
 
 
-def test_every_column_of_every_parquet_file_has_its_unit(made):
+def test_every_column_of_every_parquet_file_has_its_unit_its_meaning_and_why_it_is_null(made):
     for path, table in origins(made, "**/*.parquet").items():
         for field in table.schema:
             told = field.metadata or {}
-            assert b"unit" in told, (path, field.name)
             is_number = pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
             assert bool(told[b"unit"]) == is_number, (path, field.name, told)
+            assert told[b"description"], (path, field.name)
+            assert bool(told.get(b"null")) == field.nullable, (path, field.name)
 
 
 def test_every_parquet_file_has_version_settings_and_inputs(made):
@@ -80,9 +81,11 @@ def test_every_parquet_file_has_version_settings_and_inputs(made):
         ("run/states.parquet", "x", "m"),
         ("run/violations.parquet", "value", "of the rule"),
         ("run/score.parquet", "room", "m"),
+        ("run/score.parquet", "straight_ttc_min", "s"),
         ("run/score.parquet", "score", "1"),
         ("run/criticality.parquet", "value", "of the measure"),
         ("batch/results.parquet", "jerk_rms", "m/s³"),
+        ("batch/results.parquet", "thw_min", "s"),
         ("batch/comparison/table.parquet", "goal_reached", "%"),
         ("batch/comparison/table.parquet", "plan_ms", "ms"),
         ("predicted/samples.parquet", "fde_3", "m"),
@@ -179,22 +182,6 @@ def test_a_table_of_another_run_is_not_shown_as_that_of_this_one(made, tmp_path)
     assert not is_of(stored_criticality(tmp_path / "other")[0], digest)
     assert not is_of(stored_score(tmp_path / "other"), digest)
     invoke("report", tmp_path / "other", "--quiet")  # evaluates anew
-
-
-@pytest.mark.parametrize(
-    ("column", "unit"),
-    [
-        (Column("x", "number", "how far [m]"), "m"),
-        (Column("x", "number", "how often"), "1"),
-        (Column("x", "number", "of [a], in all [m/s²]"), "m/s²"),
-        (Column("n", "integer", "size [B]"), "B"),
-        (Column("name", "text", "its name"), ""),
-        (Column("x", "number", "its value", own_unit="of the rule"), "of the rule"),
-    ],
-)
-def test_the_unit_of_a_column_is_in_its_description_or_stated(column, unit):
-    assert column.unit == unit
-    assert arrow_table((column,), {column.name: []}).schema.field(0).metadata[b"unit"].decode() == unit
 
 
 def test_changed_settings_are_told_by_dotted_names():

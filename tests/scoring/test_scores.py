@@ -11,7 +11,8 @@ import pytest
 import interdrive as idr
 from interdrive.results import read_results, save
 from interdrive.results.story import story
-from interdrive.scoring import SCORE_LABELS, save_score, stored_score
+from interdrive.scoring import save_score, stored_score
+from interdrive.scoring.faults import FAULT_KINDS
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
 
@@ -137,7 +138,7 @@ def test_scores_do_not_depend_on_the_order_of_agents_and_are_written_with_equal_
     again = idr.load(folder)
     assert save_score(idr.score(again), folder).read_bytes() == content[0]
     assert stored_score(folder).column_names[:2] == ["agent_id", "score"]
-    assert set(stored_score(folder)["fault_kind"].to_pylist()) <= set(SCORE_LABELS["fault_kind"])
+    assert set(stored_score(folder)["fault_kind"].to_pylist()) <= {"", *FAULT_KINDS}
     read_results(folder)  # the folder stays a run
 
 

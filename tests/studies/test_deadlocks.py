@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from interdrive.run import States
-from interdrive.run.record import Agreements
+from interdrive.run.arrays import Agreements
 from interdrive.studies.cooperation import deadlocks
 
 N_STEPS = 150

@@ -7,6 +7,7 @@ pub mod settings;
 pub mod limits;
 pub mod conduct;
 pub mod geometry;
+pub mod columns;
 pub mod trajectory;
 pub mod vehicle;
 pub mod road;

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use crate::columns::{coded, table};
 use crate::trajectory::{Plans, State, States};
 
 /// How an agent ended.
@@ -26,6 +27,8 @@ pub enum OutcomeKind {
     PlannerError = 7,
 }
 
+coded!(OutcomeKind);
+
 impl OutcomeKind {
     /// All; the position is the code that crosses the Python boundary.
     pub const ALL: [Self; 8] = [
@@ -40,25 +43,27 @@ impl OutcomeKind {
     ];
 }
 
-/// How and when an agent ended, and its partner in a contact.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Outcome {
-    /// How.
-    pub kind: OutcomeKind,
-    /// Time step of the end; the latest one while running.
-    pub time_step: i64,
-    /// The other participant of a collision.
-    pub partner: Option<i64>,
-    /// The collision was with the edge of the road.
-    pub off_road: bool,
-    /// Size of the relative velocity at the contact [m/s]; NaN without a collision.
-    pub impact_speed: f64,
-    /// Largest overhang of its body beyond the lanelets [m].
-    pub off_lanelets: f64,
-    /// Time for which the overhang exceeded the tolerance of the map [s].
-    pub off_lanelets_s: f64,
-    /// For people; often empty.
-    pub message: String,
+table! {
+    /// How and when an agent ended, and its partner in a contact.
+    #[derive(Debug, Clone, PartialEq)]
+    pub struct Outcome {
+        /// How.
+        pub kind: OutcomeKind,
+        /// Time step of the end; the latest one while running.
+        pub time_step: i64,
+        /// The other participant of a collision.
+        pub partner as "partner_id": Option<i64>,
+        /// The collision was with the edge of the road.
+        pub off_road: bool,
+        /// Size of the relative velocity at the contact [m/s]; NaN without a collision.
+        pub impact_speed: f64,
+        /// Largest overhang of its body beyond the lanelets [m].
+        pub off_lanelets: f64,
+        /// Time for which the overhang exceeded the tolerance of the map [s].
+        pub off_lanelets_s: f64,
+        /// For people; often empty.
+        pub message: String,
+    }
 }
 
 impl Outcome {
@@ -77,21 +82,23 @@ impl Outcome {
     }
 }
 
-/// A stretch of time steps in which an agent had to wait before a junction or a crosswalk for one reason.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wait {
-    /// The agent.
-    pub agent: i64,
-    /// First time step.
-    pub first: i64,
-    /// Last time step, included.
-    pub last: i64,
-    /// Code of the reason.
-    pub kind: u8,
-    /// The participant that it waited for.
-    pub by: Option<i64>,
-    /// Arc length on its reference path that its front was not to pass [m].
-    pub stop: f64,
+table! {
+    /// A stretch of time steps in which an agent had to wait before a junction or a crosswalk for one reason.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Wait {
+        /// The agent.
+        pub agent as "agent_id": i64,
+        /// First time step.
+        pub first as "first_time_step": i64,
+        /// Last time step, included.
+        pub last as "last_time_step": i64,
+        /// Code of the reason.
+        pub kind: u8,
+        /// The participant that it waited for.
+        pub by as "by_id": Option<i64>,
+        /// Arc length on its reference path that its front was not to pass [m].
+        pub stop as "stop_s": f64,
+    }
 }
 
 /// States of all participants and plans of all agents, step by step.
@@ -112,17 +119,19 @@ pub struct Recording {
     waits: BTreeMap<i64, Vec<Wait>>,
 }
 
-/// A stretch of time steps in which an agent saw another participant without a break.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Sighting {
-    /// The observer.
-    pub observer: i64,
-    /// The seen participant.
-    pub seen: i64,
-    /// First time step.
-    pub first: i64,
-    /// Last time step, included.
-    pub last: i64,
+table! {
+    /// A stretch of time steps in which an agent saw another participant without a break.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Sighting {
+        /// The observer.
+        pub observer as "observer_id": i64,
+        /// The seen participant.
+        pub seen as "seen_id": i64,
+        /// First time step.
+        pub first as "first_time_step": i64,
+        /// Last time step, included.
+        pub last as "last_time_step": i64,
+    }
 }
 
 impl Recording {

@@ -1,11 +1,13 @@
 //! numpy in and out: shape checks going down, read-only arrays going up.
 
+use interdrive_core::columns::Values;
 use interdrive_core::geometry::Point;
 use numpy::{
     Element, IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
     PyUntypedArrayMethods, ndarray::Dimension,
 };
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 
 use crate::errors::InputError;
 
@@ -34,6 +36,20 @@ pub fn grid<T: Element, const N: usize>(
     let array = values.into_pyarray(py).reshape(shape.to_vec())?;
     array.call_method1("setflags", (false,))?;
     Ok(array.into_any())
+}
+
+/// Columns of a table as a dict of arrays, texts as tuples.
+pub fn table(py: Python<'_>, columns: Vec<(String, Values)>) -> PyResult<Bound<'_, PyDict>> {
+    let dict = PyDict::new(py);
+    for (name, values) in columns {
+        match values {
+            Values::Integers(values) => dict.set_item(name, row(py, values))?,
+            Values::Numbers(values) => dict.set_item(name, row(py, values))?,
+            Values::Truths(values) => dict.set_item(name, row(py, values))?,
+            Values::Texts(values) => dict.set_item(name, PyTuple::new(py, values)?)?,
+        }
+    }
+    Ok(dict)
 }
 
 /// Points as an array of shape (points, 2).

@@ -7,6 +7,7 @@ use std::time::Duration;
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
+use interdrive_core::recording::{Outcome, Sighting, Wait};
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
@@ -224,39 +225,14 @@ impl PyWorld {
 
     /// Stretches in which agents held for others, as a dict of arrays; going_id -1: the way behind was blocked.
     fn agreements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let all = self.0.agreements();
-        let dict = PyDict::new(py);
-        let column = |value: &dyn Fn(&Agreement) -> i64| arrays::row(py, all.iter().map(value).collect());
-        dict.set_item("holding_id", column(&|one| one.holding))?;
-        dict.set_item("going_id", column(&|one| one.going.unwrap_or(-1)))?;
-        dict.set_item("first_time_step", column(&|one| one.first))?;
-        dict.set_item("last_time_step", column(&|one| one.last))?;
-        let number = |value: &dyn Fn(&Agreement) -> f64| arrays::row(py, all.iter().map(value).collect());
-        dict.set_item("bar_x", number(&|one| one.bar.position.x))?;
-        dict.set_item("bar_y", number(&|one| one.bar.position.y))?;
-        dict.set_item("bar_heading", number(&|one| one.bar.orientation))?;
-        dict.set_item("claim", column(&|one| one.claim))?;
-        Ok(dict)
+        arrays::table(py, Agreement::columns(&self.0.agreements().iter().collect::<Vec<_>>()))
     }
 
     /// All messages as a dict of arrays: one row per message, and one per message and receiver in range, with
     /// receiver_id -1 in the former, and arrived -1 where the message is lost; and totals. None if no agent has V2X.
     fn messages<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(log) = self.0.messages() else { return Ok(None) };
-        let dict = PyDict::new(py);
-        let column = |value: &dyn Fn(&Message) -> i64| arrays::row(py, log.rows.iter().map(value).collect());
-        dict.set_item("time_step", column(&|row| row.time_step))?;
-        dict.set_item("sender_id", column(&|row| row.sender))?;
-        dict.set_item("service", column(&|row| row.service as i64))?;
-        dict.set_item("bytes", column(&|row| row.bytes as i64))?;
-        dict.set_item("objects", column(&|row| row.objects as i64))?;
-        dict.set_item("points", column(&|row| row.points as i64))?;
-        dict.set_item("in_range", column(&|row| row.in_range as i64))?;
-        dict.set_item("received", column(&|row| row.received as i64))?;
-        dict.set_item("receiver_id", column(&|row| row.link.map_or(-1, |link| link.0)))?;
-        dict.set_item("arrived", column(&|row| row.link.and_then(|link| link.1).unwrap_or(-1)))?;
-        let distance = log.rows.iter().map(|row| row.link.map_or(f64::NAN, |link| link.2)).collect();
-        dict.set_item("distance", arrays::row(py, distance))?;
+        let dict = arrays::table(py, Message::columns(&log.rows.iter().collect::<Vec<_>>()))?;
         dict.set_item("messages", log.messages)?;
         dict.set_item("total_bytes", log.bytes)?;
         dict.set_item("total_in_range", log.in_range)?;
@@ -301,25 +277,12 @@ impl PyWorld {
     /// Visibility intervals per observer and participant as a dict of arrays; empty unless the world records views.
     fn sightings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let sightings: Vec<_> = self.0.recording().sightings().collect();
-        let dict = PyDict::new(py);
-        dict.set_item("observer_id", arrays::row(py, sightings.iter().map(|s| s.observer).collect()))?;
-        dict.set_item("seen_id", arrays::row(py, sightings.iter().map(|s| s.seen).collect()))?;
-        dict.set_item("first_time_step", arrays::row(py, sightings.iter().map(|s| s.first).collect()))?;
-        dict.set_item("last_time_step", arrays::row(py, sightings.iter().map(|s| s.last).collect()))?;
-        Ok(dict)
+        arrays::table(py, Sighting::columns(&sightings.iter().collect::<Vec<_>>()))
     }
 
     /// Waits before junctions as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let waits: Vec<_> = self.0.recording().waits().collect();
-        let dict = PyDict::new(py);
-        dict.set_item("agent_id", arrays::row(py, waits.iter().map(|wait| wait.agent).collect()))?;
-        dict.set_item("first_time_step", arrays::row(py, waits.iter().map(|wait| wait.first).collect()))?;
-        dict.set_item("last_time_step", arrays::row(py, waits.iter().map(|wait| wait.last).collect()))?;
-        dict.set_item("kind", arrays::row(py, waits.iter().map(|wait| i64::from(wait.kind)).collect()))?;
-        dict.set_item("by_id", arrays::row(py, waits.iter().map(|wait| wait.by.unwrap_or(-1)).collect()))?;
-        dict.set_item("stop_s", arrays::row(py, waits.iter().map(|wait| wait.stop).collect()))?;
-        Ok(dict)
+        arrays::table(py, Wait::columns(&self.0.recording().waits().collect::<Vec<_>>()))
     }
 
     /// All plans as a dict of arrays, one row per time step and agent.
@@ -339,17 +302,8 @@ fn body(scene: &Scene, (id, via, age, place, numbers): KnownParts) -> KnownBody 
 
 /// Outcomes of all agents as a dict of arrays, sorted by id.
 pub fn outcomes_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
-    let outcomes: Vec<_> = world.outcomes().collect();
-    let dict = PyDict::new(py);
+    let dict = arrays::table(py, Outcome::columns(&world.outcomes().collect::<Vec<_>>()))?;
     dict.set_item("agent_id", arrays::row(py, world.agents().map(|agent| agent.id).collect()))?;
-    dict.set_item("kind", arrays::row(py, outcomes.iter().map(|o| o.kind as i64).collect()))?;
-    dict.set_item("time_step", arrays::row(py, outcomes.iter().map(|o| o.time_step).collect()))?;
-    dict.set_item("partner_id", arrays::row(py, outcomes.iter().map(|o| o.partner.unwrap_or(-1)).collect()))?;
-    dict.set_item("off_road", arrays::row(py, outcomes.iter().map(|o| o.off_road).collect()))?;
-    dict.set_item("impact_speed", arrays::row(py, outcomes.iter().map(|o| o.impact_speed).collect()))?;
-    dict.set_item("off_lanelets", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets).collect()))?;
-    dict.set_item("off_lanelets_s", arrays::row(py, outcomes.iter().map(|o| o.off_lanelets_s).collect()))?;
-    dict.set_item("message", outcomes.iter().map(|o| o.message.clone()).collect::<Vec<_>>())?;
     Ok(dict)
 }
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
-from interdrive.criticality import IMPACT_AREAS, MEASURES, agent_harm
+from interdrive.batches.plan import TRAFFIC
+from interdrive.criticality import MEASURES, AgentHarm, agent_harm
 from interdrive.planners import NATIVE
-from interdrive.run import OUTCOMES, PHASES, VIOLATIONS
+from interdrive.run import OUTCOMES, PHASES, VIOLATIONS, Outcomes
 from interdrive.scoring import SCORE_COLUMNS, score_columns
-from interdrive.storage import Column, arrow_table, labels
+from interdrive.storage import Column, absent_where, arrow_table, inserted, named, without
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Set
@@ -38,6 +39,8 @@ def extreme(name: str, *, grows: bool) -> str:
     return f"{name}_{'max' if grows else 'min'}"
 
 
+_UNFINISHED, _NOT_RECORDED, _TOO_FEW = "the run did not finish", "violations were not recorded", "too few states"
+
 #: Columns that say which run it is and how it ended; the same in all rows of a run.
 RUN_COLUMNS = (
     Column("key", "label", "id of the run: hash of scenario content, choices, settings and version"),
@@ -46,85 +49,102 @@ RUN_COLUMNS = (
     Column("planner", "label", "planner under test, as given"),
     Column("predictor", "label", "predictor, as given"),
     Column("settings", "label", "settings of the batch that are not the defaults, NAME=VALUE each; empty: none"),
-    Column("traffic", "label", "behaviour of vehicles not under test: recorded, velocity_adjusting or same"),
+    Column(
+        "traffic", "label", "behaviour of vehicles not under test: recorded, velocity_adjusting or same", labels=TRAFFIC
+    ),
     Column("agents", "label", "agents under test: all, a number, or alone: one agent per run"),
     Column("seed", "integer", "chooses a number of agents; 0 where each is alone"),
-    Column("status", "label", "how the run ended: finished, refused, failed, crashed, timeout or memory"),
+    Column(
+        "status", "label", "how the run ended: finished, refused, failed, crashed, timeout or memory", labels=STATUS
+    ),
     Column("error", "text", "reason why it did not finish"),
     Column("attempts", "integer", "number of attempts"),
     Column("digest", "text", "SHA-256 of all states; empty if it did not finish"),
-    Column("dt", "number", "length of a time step [s]", nullable=True),
-    Column("n_steps", "integer", "number of simulated time steps", nullable=True),
-    Column("read_seconds", "number", "wall time for reading the scenario, 0 if it was at hand [s]", nullable=True),
-    Column("run_seconds", "number", "wall time for simulation, criticality and scores [s]", nullable=True),
+    Column("dt", "number", "length of a time step", "s", null=_UNFINISHED),
+    Column("n_steps", "integer", "number of simulated time steps", null=_UNFINISHED),
+    Column(
+        "read_seconds",
+        "number",
+        "wall time for reading the scenario, 0 if it was at hand",
+        "s",
+        null=_UNFINISHED,
+    ),
+    Column("run_seconds", "number", "wall time for simulation, criticality and scores", "s", null=_UNFINISHED),
     Column("kept", "truth", "whether its run folder is kept in recordings/"),
     Column("path", "label", "path of the scenario file"),
     Column("scenario_sha256", "label", "content of the scenario file"),
     Column("version", "label", "version of interdrive"),
 )
 
+#: Columns of the run's outcomes that the data set takes over, and those of the harm of collisions.
+_ENDED = without(Outcomes.columns, ("agent_id", "planner", "outcome", "time_step", "time_s", "traceback"))
+_HARM = named(AgentHarm.columns, ("impact_area", "harm", "partner_harm"))
+
 #: Columns about one agent; null in the one row of a run that did not finish.
-AGENT_COLUMNS = (
-    Column("agent_id", "integer", "participant id of the agent", nullable=True),
-    Column("under_test", "truth", "whether it is under test; otherwise it is traffic", nullable=True),
-    Column("agent_planner", "label", "name of its own planner", nullable=True),
-    Column("outcome", "label", "one of interdrive.run.OUTCOMES", nullable=True),
-    Column("seconds", "number", "from its start to its end, simulated [s]", nullable=True),
-    Column("distance", "number", "driven [m]", nullable=True),
-    Column("partner_id", "integer", "the other participant of a collision", nullable=True),
-    Column("off_road", "truth", "the collision was with the edge of the road", nullable=True),
-    Column("impact_speed", "number", "size of the relative velocity at a collision [m/s]", nullable=True),
-    Column("off_lanelets", "number", "largest overhang of the body beyond the lanelets [m]", nullable=True),
-    Column("off_lanelets_s", "number", "how long it was more than road.gap_tolerance [s]", nullable=True),
-    Column("impact_area", "label", "front, left, right or rear of the agent", nullable=True),
-    Column("harm", "number", "probability of severe injuries (MAIS 3+) in the agent after a collision", nullable=True),
-    Column("partner_harm", "number", "the same in the other participant", nullable=True),
-    Column("message", "text", "what the simulation noted, such as the exception of a planner", nullable=True),
-    Column("reason", "text", "why it ended so, in words and numbers; empty if it reached its goal", nullable=True),
-    *(
+AGENT_COLUMNS = absent_where(
+    _UNFINISHED,
+    (
+        Column("agent_id", "integer", "participant id of the agent"),
+        Column("under_test", "truth", "whether it is under test; otherwise it is traffic"),
+        Column("agent_planner", "label", "name of its own planner"),
+        Column("outcome", "label", "one of interdrive.run.OUTCOMES", labels=(*OUTCOMES, "running")),
+        Column("seconds", "number", "from its start to its end, simulated", "s"),
+        Column("distance", "number", "driven", "m"),
+        *inserted(_ENDED, _HARM, before="message"),
+        *(
+            Column(
+                extreme(measure.name, grows=measure.grows),
+                "number",
+                f"most critical {measure.title}; inf: no conflict",
+                measure.unit or "1",
+                null="it cannot be computed",
+                infinite=True,
+            )
+            for measure in MEASURES
+        ),
+        Column("ttc_critical", "number", f"share of its time with a TTC under {TTC_CRITICAL:g} s", "1"),
         Column(
-            extreme(measure.name, grows=measure.grows),
+            "jerk_rms",
             "number",
-            f"most critical {measure.label}; inf: no conflict",
-            nullable=True,
-            infinite=True,
-        )
-        for measure in MEASURES
+            "root mean square of the longitudinal jerk, behind its first planned state",
+            "m/s³",
+            null=_TOO_FEW,
+        ),
+        Column(
+            "jerk_max",
+            "number",
+            "largest absolute longitudinal jerk, behind its first planned state",
+            "m/s³",
+            null=_TOO_FEW,
+        ),
+        Column(
+            "acceleration_rms",
+            "number",
+            "root mean square of the longitudinal acceleration of planned states",
+            "m/s²",
+            null=_TOO_FEW,
+        ),
+        Column("deceleration_max", "number", "hardest braking of planned states", "m/s²", null=_TOO_FEW),
+        Column(
+            "lateral_acceleration_rms",
+            "number",
+            "root mean square of speed times yaw rate of planned states",
+            "m/s²",
+            null=_TOO_FEW,
+        ),
+        Column(
+            "lateral_acceleration_max",
+            "number",
+            "largest absolute speed times yaw rate of planned states",
+            "m/s²",
+            null=_TOO_FEW,
+        ),
+        Column("emergencies", "integer", "time steps with emergency braking"),
+        Column("violations", "integer", "violations of rules of the road by the agent", null=_NOT_RECORDED),
+        *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", null=_NOT_RECORDED) for rule in VIOLATIONS),
+        Column("plan_seconds", "number", "wall time per plan, mean over its time steps", "s", null="no plans"),
+        *SCORE_COLUMNS,
     ),
-    Column("ttc_critical", "number", f"share of its time with a TTC under {TTC_CRITICAL:g} s", nullable=True),
-    Column(
-        "jerk_rms",
-        "number",
-        "root mean square of the longitudinal jerk, behind its first planned state [m/s³]",
-        nullable=True,
-    ),
-    Column(
-        "jerk_max", "number", "largest absolute longitudinal jerk, behind its first planned state [m/s³]", nullable=True
-    ),
-    Column(
-        "acceleration_rms",
-        "number",
-        "root mean square of the longitudinal acceleration of planned states [m/s²]",
-        nullable=True,
-    ),
-    Column("deceleration_max", "number", "hardest braking of planned states [m/s²]", nullable=True),
-    Column(
-        "lateral_acceleration_rms",
-        "number",
-        "root mean square of speed times yaw rate of planned states [m/s²]",
-        nullable=True,
-    ),
-    Column(
-        "lateral_acceleration_max",
-        "number",
-        "largest absolute speed times yaw rate of planned states [m/s²]",
-        nullable=True,
-    ),
-    Column("emergencies", "integer", "time steps with emergency braking", nullable=True),
-    Column("violations", "integer", "violations of rules of the road by the agent", nullable=True),
-    *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", nullable=True) for rule in VIOLATIONS),
-    Column("plan_seconds", "number", "wall time per plan, mean over its time steps [s]", nullable=True),
-    *SCORE_COLUMNS,
 )
 
 COLUMNS = (*RUN_COLUMNS, *AGENT_COLUMNS)
@@ -180,18 +200,10 @@ def finished_rows(
     values: dict[str, Any] = {
         "agent_id": ids,
         "under_test": [number in under_test for number in ids],
-        "agent_planner": labels(ended.planner),
-        "outcome": labels(ended.outcome),
-        "partner_id": np.ma.masked_equal(ended.partner_id, -1),
-        "off_road": ended.off_road,
-        "impact_speed": ended.impact_speed,
-        "off_lanelets": ended.off_lanelets,
-        "off_lanelets_s": ended.off_lanelets_s,
-        "impact_area": labels(IMPACT_AREAS, np.array([IMPACT_AREAS.index(a) if a else -1 for a in harm.impact_area])),
-        "harm": harm.harm,
-        "partner_harm": harm.partner_harm,
-        "message": ended.message,
-        "reason": ended.reason,
+        "agent_planner": ended.planner,
+        "outcome": ended.outcome,
+        **{column.name: ended.arrays[column.name] for column in _ENDED},
+        **{column.name: harm.arrays[column.name] for column in _HARM},
         "ttc_critical": of_agents(share),
         "emergencies": emergencies,
         **_violations(run, ids),
@@ -263,8 +275,7 @@ def _of_run(spec: RunSpec, about: Mapping[str, object], n: int) -> dict[str, Any
         "version": _core.__version__,
         **about,
     }
-    text = {column.name for column in RUN_COLUMNS if column.kind == "label"}
-    return {name: labels((str(value),) * n) if name in text else [value] * n for name, value in one.items()}
+    return {name: [value] * n for name, value in one.items()}
 
 
 def comfort(run: Run) -> dict[str, list[float]]:

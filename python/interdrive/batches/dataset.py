@@ -11,12 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from interdrive.batches.columns import COLUMNS, STATUS
-from interdrive.batches.plan import TRAFFIC
-from interdrive.criticality import IMPACT_AREAS
+from interdrive.batches.columns import COLUMNS
 from interdrive.errors import ResultsError
-from interdrive.run import OUTCOMES
-from interdrive.scoring import SCORE_LABELS
 from interdrive.storage import Origin, check_values, replacing, schema_of
 
 if TYPE_CHECKING:
@@ -31,15 +27,6 @@ _ORIGIN = Origin(
 
 #: Rows are read and written in portions of about this many.
 _PORTION = 32_768
-
-#: Labels that a column may hold.
-_LABELS = {
-    "status": STATUS,
-    "traffic": TRAFFIC,
-    "outcome": (*OUTCOMES, "running"),
-    "impact_area": IMPACT_AREAS,
-    **SCORE_LABELS,
-}
 
 #: So many files of single runs are held in memory at once.
 _FILES_AT_ONCE = 256
@@ -217,7 +204,7 @@ def _checked(table: pa.Table, path: Path) -> pa.Table:
         ResultsError: A value that no batch writes; one line that names file and column.
     """
     there = [column for column in COLUMNS if column.name in table.column_names]
-    check_values(table, path, there, _LABELS)
+    check_values(table, path, there)
     if "key" in table.column_names:
         for key in pc.unique(table["key"].cast(pa.string())).to_pylist():
             check_key(key, path)

@@ -52,6 +52,11 @@ class Metric:
     measure: Measure | None = None
 
     @property
+    def title(self) -> str:
+        """The heading without unit."""
+        return re.sub(r" (\[[^\]]+\]|%)$", "", self.heading)
+
+    @property
     def unit(self) -> str:
         """Unit of the values: what the heading has in brackets, or how many they are of 100."""
         found = re.search(r"\[([^\]]+)\]$", self.heading)

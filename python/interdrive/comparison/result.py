@@ -27,7 +27,7 @@ TABLE_COLUMNS = (
     Column("runs_lost", "integer", "runs that failed, crashed or were ended; refused ones are not among them"),
     Column("n_agents", "integer", "agents under test that all variants drove; all else is about them"),
     Column("n_left_out", "integer", "agents under test that this variant drove and another one did not"),
-    *(Column(metric.name, "number", metric.heading, nullable=True, own_unit=metric.unit) for metric in METRICS),
+    *(Column(metric.name, "number", metric.title, metric.unit, null="no agent has a value") for metric in METRICS),
 )
 
 #: One row per traffic, agents, category, pair of variants and metric.
@@ -40,11 +40,11 @@ DIFFERENCE_COLUMNS = (
         "difference",
         "number",
         "of the one minus the other, over agents that all variants drove",
-        nullable=True,
-        own_unit="of the metric",
+        "of the metric",
+        null="no agent has a value",
     ),
-    Column("low", "number", "lower end of the interval", nullable=True, own_unit="of the metric"),
-    Column("high", "number", "upper end of the interval", nullable=True, own_unit="of the metric"),
+    Column("low", "number", "lower end of the interval", "of the metric", null="no agent has a value"),
+    Column("high", "number", "upper end of the interval", "of the metric", null="no agent has a value"),
     Column("n_agents", "integer", "agents with a value of both"),
     Column("n_scenarios", "integer", "scenarios of these agents"),
 )

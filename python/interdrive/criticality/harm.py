@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.scenario import KINDS
+from interdrive.storage import Record, label, number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,21 +57,27 @@ class Collisions:
     partner_impact_area: tuple[str, ...]
 
 
+_NO_COLLISION, _NOT_HURT = "no collision", "no collision with a participant that can be hurt"
+
+
 @dataclass(frozen=True)
-class AgentHarm:
-    """What collisions did to the agents of a run; rows as in its outcomes, nan and "" without a collision.
+class AgentHarm(Record):
+    """What collisions did to the agents of a run, the one with the largest harm; rows as in its outcomes."""
 
-    Attributes:
-        harm: The largest one, if it collided with several, shape (agents,).
-        partner_harm: Of the other one in the collision that ended the agent.
-        impact_angle: Of the collision with the largest harm [rad].
-        impact_area: The same.
-    """
-
-    harm: Floats
-    partner_harm: Floats
-    impact_angle: Floats
-    impact_area: tuple[str, ...]
+    harm: Floats = field(
+        metadata=number(
+            "probability of severe injuries (MAIS 3+) in the agent after a collision", "1", null=_NO_COLLISION
+        )
+    )
+    partner_harm: Floats = field(metadata=number("the same in the other participant", "1", null=_NOT_HURT))
+    impact_angle: Floats = field(
+        metadata=number(
+            "direction to the other participant, seen from the agent", "rad", null="no collision with a participant"
+        )
+    )
+    impact_area: tuple[str, ...] = field(
+        metadata=label("front, left, right or rear of the agent", IMPACT_AREAS, null="no collision with a participant")
+    )
 
 
 def participant_masses(run: RecordedRun, masses: Mapping[int, float] | None = None) -> Floats:
@@ -92,8 +99,8 @@ def participant_masses(run: RecordedRun, masses: Mapping[int, float] | None = No
     type_2 = states.is_agent & is_car
     type_2 &= np.isclose(states.length, _BMW_320I_LENGTH) & np.isclose(states.width, _BMW_320I_WIDTH)
     found[type_2] = BMW_320I_MASS
-    for number, mass in (masses or {}).items():
-        found[states.participant_id == number] = mass
+    for participant, mass in (masses or {}).items():
+        found[states.participant_id == participant] = mass
     return found
 
 

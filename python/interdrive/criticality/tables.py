@@ -38,22 +38,22 @@ _UNITS = tuple(measure.unit or "1" for measure in MEASURES)
 COLUMNS = (
     Column("participant_id", "integer", "the evaluated participant"),
     Column("time_step", "integer", "when"),
-    Column("measure", "label", "one of interdrive.criticality.MEASURES"),
-    Column("unit", "label", "unit of the measure; 1: a number without unit"),
+    Column("measure", "label", "one of interdrive.criticality.MEASURES", labels=_NAMES),
+    Column("unit", "label", "unit of the measure; 1: a number without unit", labels=sorted(set(_UNITS))),
     Column(
         "value",
         "number",
-        "in the unit of the measure; inf: no conflict, null: cannot be computed",
-        nullable=True,
+        "in the unit of the measure; inf: no conflict",
+        "of the measure",
+        null="it cannot be computed",
         infinite=True,
-        own_unit="of the measure",
     ),
-    Column("partner_id", "integer", "the participant that was decisive", nullable=True),
+    Column("partner_id", "integer", "the participant that was decisive", null="nobody was"),
     Column(
         "path",
         "label",
         "lanelets of the path that was decisive (12 > 15), or the two that cross in the conflict area (12 x 34)",
-        nullable=True,
+        null="no path was",
     ),
 )
 
@@ -98,7 +98,6 @@ def criticality_table(found: Evaluated) -> ArrowTable:
     def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
         return np.stack([getattr(found.series[name], field)[row, step] for name in _NAMES], axis=1).ravel()
 
-    partner = stacked("partner_id")
     return arrow_table(
         COLUMNS,
         {
@@ -107,7 +106,7 @@ def criticality_table(found: Evaluated) -> ArrowTable:
             "measure": labels(_NAMES, np.tile(np.arange(n), len(row))),
             "unit": labels(_UNITS, np.tile(np.arange(n), len(row))),
             "value": stacked("value"),
-            "partner_id": np.ma.masked_equal(partner, -1),
+            "partner_id": stacked("partner_id"),
             "path": labels(found.paths, stacked("path")),
         },
     )
@@ -128,7 +127,7 @@ def criticality_extremes_table(found: Evaluated) -> ArrowTable:
             "measure": labels(_NAMES, np.tile(np.arange(n), len(found.participant_id))),
             "unit": labels(_UNITS, np.tile(np.arange(n), len(found.participant_id))),
             "value": stacked("value"),
-            "partner_id": np.ma.masked_equal(stacked("partner_id"), -1),
+            "partner_id": stacked("partner_id"),
             "path": labels(found.paths, stacked("path")),
         },
     )
@@ -191,7 +190,7 @@ def stored_criticality(folder: str | Path) -> tuple[ArrowTable, ArrowTable] | No
 def _stored(path: Path, order: tuple[str, ...]) -> ArrowTable:
     table = read_table(path, COLUMNS, added=("unit",))
     there = [column for column in COLUMNS if column.name in table.column_names]
-    columns = dict(check_table(table, path, there, {"measure": _NAMES, "unit": sorted(set(_UNITS))}))
+    columns = dict(check_table(table, path, there))
     columns["measure"] = np.array([_NAMES.index(name) for name in columns["measure"].tolist()], dtype=np.int64)
     check_order(columns, path, order)
     return table

@@ -9,8 +9,8 @@ from interdrive.config.binding import flatten
 from interdrive.envs.actions import KinematicGrid
 from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic
-from interdrive.run import Plans
-from interdrive.run.assemble import agent_record, digest, no_timings, outcomes_of, states_of
+from interdrive.run import Plans, Timings
+from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of
 from interdrive.run.reasons import reasons
 from interdrive.runs import Run
 
@@ -67,7 +67,7 @@ def run_of(engine: Engine) -> Run:
         outcomes=outcomes,
         states=states,
         plans=Plans(**worlds.plans(0)),
-        timings=no_timings(),
+        timings=Timings.empty(),
         notes=stage.scenario.notes,
         digest=digest(states),
         finished="running" not in outcomes.outcome,

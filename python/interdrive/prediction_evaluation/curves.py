@@ -21,24 +21,26 @@ NOMINAL = (5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 75, 80, 85, 90
 ALL_VEHICLES, MOVING, STAYING = "all", "moving", "staying"
 
 CALIBRATION_COLUMNS = (
-    Column("predictor", "label", ""),
+    Column("predictor", "label", "its name"),
     Column("category", "label", "of the files, or all samples"),
     Column("traffic", "label", "recorded, simulated, invented or unknown; or all"),
     Column("vehicles", "label", "all; staying: they stand and stay for 3 s; moving: all others"),
-    Column("horizon", "number", "time from now [s]"),
-    Column("nominal", "number", "probability mass of the region"),
+    Column("horizon", "number", "time from now", "s"),
+    Column("nominal", "number", "probability mass of the region", "1"),
     Column("samples", "integer", "positions that are known and were predicted"),
-    Column("region", "number", "share of positions inside the mixture's region of highest density", nullable=True),
-    Column("ellipse", "number", "share of positions inside the most probable mode's ellipse", nullable=True),
+    Column(
+        "region", "number", "share of positions inside the mixture's region of highest density", "1", null="no sample"
+    ),
+    Column("ellipse", "number", "share of positions inside the most probable mode's ellipse", "1", null="no sample"),
 )
 
 ERROR_COLUMNS = (
-    Column("predictor", "label", ""),
+    Column("predictor", "label", "its name"),
     Column("category", "label", "of the files, or all samples"),
     Column("traffic", "label", "recorded, simulated, invented or unknown; or all"),
-    Column("time", "number", "from now [s]"),
-    Column("error", "number", "mean distance of the most probable mode [m]", nullable=True),
-    Column("error_best", "number", "mean distance of the best mode [m]", nullable=True),
+    Column("time", "number", "from now", "s"),
+    Column("error", "number", "mean distance of the most probable mode", "m", null="no sample"),
+    Column("error_best", "number", "mean distance of the best mode", "m", null="no sample"),
 )
 
 

@@ -37,8 +37,8 @@ _OF_MODE = {"": "of the most probable mode", "_best": "of the best mode"}
 
 
 def _measure_columns() -> tuple[Column, ...]:
-    def number(name: str, text: str) -> Column:
-        return Column(name, "number", text, nullable=True)
+    def number(name: str, text: str, unit: str = "1") -> Column:
+        return Column(name, "number", text, unit, null="no sample")
 
     columns = [
         Column("predictor", "label", "name, with its settings"),
@@ -56,16 +56,16 @@ def _measure_columns() -> tuple[Column, ...]:
     for best, text in _OF_MODE.items():
         for h in HORIZONS:
             columns += [
-                number(f"ade{best}_{h}", f"mean distance over {h} s {text} [m]"),
-                number(f"fde{best}_{h}", f"distance after {h} s {text} [m]"),
+                number(f"ade{best}_{h}", f"mean distance over {h} s {text}", "m"),
+                number(f"fde{best}_{h}", f"distance after {h} s {text}", "m"),
             ]
         columns.append(number(f"miss_rate{best}", f"share with a distance over {MISS:g} m after 3 s {text}"))
     for h in HORIZONS:
         columns += [
-            number(f"nll_{h}", f"negative log-likelihood of the position after {h} s, mean [nats]"),
-            number(f"nll_median_{h}", "the same, median [nats]"),
+            number(f"nll_{h}", f"negative log-likelihood of the position after {h} s, mean", "nats"),
+            number(f"nll_median_{h}", "the same, median", "nats"),
         ]
-    columns.append(number("nll", "negative log-likelihood, mean over all steps until 3 s [nats]"))
+    columns.append(number("nll", "negative log-likelihood, mean over all steps until 3 s", "nats"))
     for name, text in (
         ("region", "region of highest density of the mixture"),
         ("ellipse", "most probable mode's ellipse"),
@@ -83,8 +83,8 @@ def _measure_columns() -> tuple[Column, ...]:
     for name, text in (("stays", "vehicles that stand and stay"), ("stands", "vehicles that stand now")):
         columns += [
             Column(f"{name}_samples", "integer", f"samples of {text}"),
-            number(f"{name}_median", f"displacement predicted for 3 s for {text}, median [m]"),
-            number(f"{name}_p95", f"displacement predicted for 3 s for {text}, 95th percentile [m]"),
+            number(f"{name}_median", f"displacement predicted for 3 s for {text}, median", "m"),
+            number(f"{name}_p95", f"displacement predicted for 3 s for {text}, 95th percentile", "m"),
         ]
     columns.append(number("off_road", "probability predicted for being off the road, of vehicles that are on it"))
     return tuple(columns)
@@ -93,9 +93,9 @@ def _measure_columns() -> tuple[Column, ...]:
 MEASURE_COLUMNS = _measure_columns()
 
 TIMING_COLUMNS = (
-    Column("predictor", "label", ""),
+    Column("predictor", "label", "its name"),
     Column("vehicles", "integer", "vehicles in the scene"),
-    Column("milliseconds", "number", "median time per call [ms]"),
+    Column("milliseconds", "number", "median time per call", "ms"),
     Column("calls", "integer", "calls that were timed"),
 )
 
@@ -109,29 +109,25 @@ _SAMPLE_VALUES = (
 )
 
 SAMPLE_COLUMNS = (
-    Column("predictor", "label", ""),
+    Column("predictor", "label", "its name"),
     Column("file", "label", "name of the file"),
-    Column("category", "label", ""),
+    Column("category", "label", "of the file"),
     Column("traffic", "label", "recorded, simulated, invented or unknown"),
     Column("time_step", "integer", "when"),
     Column("participant_id", "integer", "predicted participant"),
     Column("kind", "label", "car, truck, ..."),
-    Column("speed", "number", "[m/s]"),
-    Column("known", "number", "recorded time [s]"),
+    Column("speed", "number", "along the heading", "m/s"),
+    Column("known", "number", "recorded time", "s"),
     Column("stands", "truth", "known for 0.5 s and moved less than 0.1 m in it"),
     Column("stays", "truth", "stands, and moves less than 0.1 m in the next 3 s"),
-    Column("departure", "number", "distance after 3 s from a drive with the present velocity [m]", nullable=True),
+    Column("departure", "number", "distance after 3 s from a drive with the present velocity", "m", null="no sample"),
     *(
         Column(
             name,
             "number",
             "see interdrive.prediction_evaluation.measures.judged",
-            nullable=True,
-            own_unit="m"
-            if name.startswith(("ade", "fde", "displacement"))
-            else "nat"
-            if name.startswith("nll")
-            else "1",
+            "m" if name.startswith(("ade", "fde", "displacement")) else "nat" if name.startswith("nll") else "1",
+            null="no sample",
         )
         for name in _SAMPLE_VALUES
     ),
@@ -313,8 +309,4 @@ def samples_table(found: PredictionEvaluation) -> ArrowTable:
 
 def table_of(columns: tuple[Column, ...], rows: list[dict[str, Any]]) -> ArrowTable:
     """A table from rows of plain values."""
-    values: dict[str, Any] = {}
-    for column in columns:
-        entries = [row[column.name] for row in rows]
-        values[column.name] = labels(tuple(entries)) if column.kind == "label" else entries
-    return arrow_table(columns, values)
+    return arrow_table(columns, {column.name: [row[column.name] for row in rows] for column in columns})

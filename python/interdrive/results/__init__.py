@@ -19,7 +19,6 @@ from interdrive.results.tables import (
     routes_table,
     states_table,
     timing_table,
-    views_table,
 )
 
 __all__ = [
@@ -44,7 +43,6 @@ __all__ = [
     "software",
     "states_table",
     "timing_table",
-    "views_table",
     "with_cooperation",
     "with_routes",
 ]

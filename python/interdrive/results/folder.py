@@ -8,20 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.results.columns import COLUMNS, ON_DEMAND
 from interdrive.results.information import information, origin_of_run, read_information
-from interdrive.results.tables import (
-    agreements_table,
-    candidates_table,
-    messages_table,
-    orders_table,
-    outcome_table,
-    plans_table,
-    predictions_table,
-    routes_table,
-    states_table,
-    timing_table,
-    views_table,
-    violations_table,
-)
+from interdrive.results.tables import TABLES
 from interdrive.results.validation import check_tables
 from interdrive.storage.folders import FolderKind, check_folder, whole_folder
 from interdrive.storage.tables import read_table, schema_of, write_parquet
@@ -119,20 +106,8 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
     inputs = () if run.scenario.path is None else (run.scenario.path,)
     with whole_folder(folder, RUN_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
         rows, origin = {}, origin_of_run(run)
-        for name, table in (
-            ("outcomes", outcome_table(run)),
-            ("states", states_table(run)),
-            ("plans", plans_table(run)),
-            ("timing", timing_table(run)),
-            ("routes", routes_table(run)),
-            ("views", views_table(run)),
-            ("predictions", predictions_table(run)),
-            ("candidates", candidates_table(run)),
-            ("violations", violations_table(run)),
-            ("orders", orders_table(run)),
-            ("messages", messages_table(run)),
-            ("agreements", agreements_table(run)),
-        ):
+        for name, made in TABLES.items():
+            table = made(run)
             if table is None:
                 continue
             write_parquet(table, partial / f"{name}.parquet", origin)

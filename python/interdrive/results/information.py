@@ -26,10 +26,7 @@ if TYPE_CHECKING:
     from interdrive.scenario import Shape
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
-#: meaning. 2: outcomes with harm, partner_harm, impact_angle and impact_area. 3: routes; states and outcomes with
-#: time_s, criticality with participant_id instead of agent_id, outcomes with reason, off_lanelets and off_lanelets_s,
-#: run.json with whole goals, outcomes with traceback, plans with rejection and
-#: rejection_x, rejection_y, rejection_overhang. 4: violations with partner_id and of more rules, orders.
+#: meaning.
 FORMAT = 4
 
 

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.criticality import IMPACT_AREAS
 from interdrive.errors import ResultsError
 from interdrive.results.columns import COLUMNS
-from interdrive.run import ORDERS, OUTCOMES, PLAN_STATUS, SERVICES, VIOLATIONS, Violations
-from interdrive.scenario import KINDS, limits
+from interdrive.scenario import limits
 from interdrive.storage import check_order, check_table
 from interdrive.storage.checks import Damage, refuse
 
@@ -23,18 +21,6 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int64]
     Columns = Mapping[str, Any]
-
-#: Allowed labels of columns.
-LABELS: Mapping[tuple[str, str], Sequence[str]] = {
-    ("outcomes", "outcome"): (*OUTCOMES, "running"),
-    ("outcomes", "impact_area"): IMPACT_AREAS,
-    ("states", "kind"): KINDS,
-    ("plans", "status"): PLAN_STATUS,
-    ("violations", "source"): Violations.SOURCES,
-    ("violations", "rule"): VIOLATIONS,
-    ("orders", "kind"): ORDERS[1:],
-    ("messages", "service"): SERVICES,
-}
 
 #: Columns by which rows are sorted; no two rows have the same values in them.
 ORDER: Mapping[str, Sequence[str]] = {
@@ -71,8 +57,7 @@ def check_tables(folder: Path, tables: Mapping[str, pa.Table], info: Mapping[str
         expected = info.get("rows", {}).get(name)
         if expected is not None and name not in missing and table.num_rows != expected:
             raise ResultsError(f"{path}: it has {table.num_rows} rows, run.json says {expected}; the file is damaged")
-        labels = {column: texts for (owner, column), texts in LABELS.items() if owner == name}
-        found[name] = check_table(table, path, COLUMNS[name], labels)
+        found[name] = check_table(table, path, COLUMNS[name])
         if name in ORDER:
             check_order(found[name], path, ORDER[name])
     for name, check in _ACROSS.items():

@@ -1,27 +1,29 @@
 """Results of a simulation as arrays, and their assembly."""
 
-from interdrive.run.record import (
+from interdrive.run.arrays import (
     ORDERS,
     OUTCOMES,
     PHASES,
     PLAN_STATUS,
     SERVICES,
     VIA,
-    AgentRecord,
     Agreements,
-    Json,
     Messages,
     Orders,
     Outcomes,
     Plans,
     RecordedCandidates,
     RecordedPredictions,
-    RunRecord,
-    RunSettings,
     States,
     Timings,
     Views,
     Violations,
+)
+from interdrive.run.record import (
+    AgentRecord,
+    Json,
+    RunRecord,
+    RunSettings,
 )
 from interdrive.run.rules import RULES, VIOLATIONS
 

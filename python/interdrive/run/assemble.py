@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import OUTCOMES, PHASES, AgentRecord, Outcomes, Plans, RunRecord, States, Timings
+from interdrive.run.arrays import OUTCOMES, PHASES, Outcomes, Plans, States, Timings
+from interdrive.run.record import AgentRecord, RunRecord
 from interdrive.scenario import KINDS, STATE_FIELDS
 from interdrive.scenario.native import core_shape
 
@@ -31,19 +32,13 @@ def digest(states: States) -> str:
 
 def outcomes_of(raw: dict[str, Any], planners: dict[int, str], tracebacks: dict[int, str]) -> Outcomes:
     """Outcomes of all agents, from the core's table, with the names of planners and the tracebacks of failed ones."""
+    ids, kinds = raw["agent_id"].tolist(), raw.pop("kind").tolist()
     return Outcomes(
-        agent_id=raw["agent_id"],
-        planner=tuple(planners[i] for i in raw["agent_id"].tolist()),
-        outcome=tuple(OUTCOME_NAMES[code] for code in raw["kind"].tolist()),
-        time_step=raw["time_step"],
-        partner_id=raw["partner_id"],
-        off_road=raw["off_road"],
-        impact_speed=raw["impact_speed"],
-        off_lanelets=raw["off_lanelets"],
-        off_lanelets_s=raw["off_lanelets_s"],
-        message=tuple(raw["message"]),
-        reason=("",) * len(raw["agent_id"]),
-        traceback=tuple(tracebacks.get(i, "") for i in raw["agent_id"].tolist()),
+        **raw,
+        planner=tuple(planners[i] for i in ids),
+        outcome=tuple(OUTCOME_NAMES[code] for code in kinds),
+        reason=("",) * len(ids),
+        traceback=tuple(tracebacks.get(i, "") for i in ids),
     )
 
 
@@ -75,17 +70,6 @@ def timings_of(rows: list[tuple[int, list[float]]]) -> Timings:
     )
 
 
-def no_plans() -> Plans:
-    """The table of plans of a run without plans."""
-    none, numbers, points = np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0))
-    return Plans(none, none, none, numbers, points, points, points, points, points, (), numbers, numbers, numbers)
-
-
-def no_timings() -> Timings:
-    """The table of timings of a run without timings."""
-    return Timings(np.empty(0, dtype=np.int64), (), np.empty(0))
-
-
 def recorded_traffic(scenario: Scenario) -> RunRecord:
     """The recorded traffic of a scenario as a run without agents."""
     obstacles = scenario.obstacles
@@ -101,7 +85,4 @@ def recorded_traffic(scenario: Scenario) -> RunRecord:
         **{name: getattr(obstacles, name) for name in STATE_FIELDS},
         valid=obstacles.valid,
     )
-    none = np.empty(0, dtype=np.int64)
-    numbers = none.astype(np.float64)
-    no_outcomes = Outcomes(none, (), (), none, none, none.astype(np.bool_), numbers, numbers, numbers, (), (), ())
-    return RunRecord(scenario, {}, (), no_outcomes, states, no_plans(), no_timings(), scenario.notes, "")
+    return RunRecord(scenario, {}, (), Outcomes.empty(), states, Plans.empty(), Timings.empty(), scenario.notes, "")

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from interdrive.run.record import States
+    from interdrive.run.arrays import States
 
     Floats = NDArray[np.float64]
 

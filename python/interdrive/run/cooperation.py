@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import SERVICES, Agreements, Messages
+from interdrive.run.arrays import SERVICES, Agreements, Messages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from interdrive import _core
     from interdrive.native_settings import V2xSettings
-    from interdrive.run.record import Json, Plans
+    from interdrive.run.arrays import Plans
+    from interdrive.run.record import Json
 
 #: Bit rate of the radio [bit/s]: ITS-G5 with its default modulation.
 _BIT_RATE = 6e6
@@ -25,16 +26,13 @@ _SHORTEST_PLAN = 1.0
 
 def messages_of(parts: Mapping[str, Any] | None) -> Messages:
     """The record of messages; without any if no agent has V2X."""
-    if parts is None:
-        whole = np.empty(0, dtype=np.int64)
-        return Messages(*(whole,) * 10, np.empty(0))
-    return Messages(**{name: parts[name] for name in Messages.__dataclass_fields__})
+    return Messages.empty() if parts is None else Messages(**{name: parts[name] for name in Messages.stored})
 
 
 def agreements_of(parts: Mapping[str, Any]) -> Agreements:
     """The record of agreements, sorted."""
     order = np.lexsort((parts["holding_id"], parts["first_time_step"]))
-    return Agreements(**{name: parts[name][order] for name in Agreements.__dataclass_fields__})
+    return Agreements(**{name: parts[name][order] for name in Agreements.stored})
 
 
 def cooperation_notes(settings: V2xSettings, equipped: Sequence[int], plans: Plans, dt: float) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import PLAN_STATUS, RecordedCandidates, RecordedPredictions
+from interdrive.run.arrays import PLAN_STATUS, RecordedCandidates, RecordedPredictions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

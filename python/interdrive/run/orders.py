@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from interdrive.run.record import ORDERS, Orders
+from interdrive.run.arrays import ORDERS, Orders
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from interdrive import _core
-from interdrive.run.record import PLAN_STATUS
+from interdrive.run.arrays import PLAN_STATUS
 from interdrive.scenario import SIGNALS
 from interdrive.scenario.control import shown_together
 

@@ -11,13 +11,12 @@ Definitions, sources and limits: docs/reference/scoring.md.
 from interdrive.scoring.evaluation import Score, score
 from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
 from interdrive.scoring.settings import ComfortBounds, ReactionSettings, ScoreWeights, ScoringSettings
-from interdrive.scoring.tables import SCORE_COLUMNS, SCORE_LABELS, save_score, score_columns, score_table, stored_score
+from interdrive.scoring.tables import SCORE_COLUMNS, save_score, score_columns, score_table, stored_score
 
 __all__ = [
     "COLLISION_TYPES",
     "FAULT_KINDS",
     "SCORE_COLUMNS",
-    "SCORE_LABELS",
     "ComfortBounds",
     "ReactionSettings",
     "Score",

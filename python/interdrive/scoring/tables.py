@@ -6,43 +6,54 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
-from interdrive.storage import Column, arrow_table, check_order, check_table, labels, read_table, replacing, write_table
+from interdrive.storage import (
+    Column,
+    absent_where,
+    arrow_table,
+    check_order,
+    check_table,
+    read_table,
+    replacing,
+    write_table,
+)
 
 if TYPE_CHECKING:
     from interdrive.scoring.evaluation import Score
     from interdrive.storage import ArrowTable
 
 #: Columns of scores; batches have them, too.
-SCORE_COLUMNS = (
-    Column("score", "number", "from 0 to 1", nullable=True),
-    Column("score_strict", "number", "the same without excuses for what the recording does itself", nullable=True),
-    Column("progress", "number", "along the reference path, as a share of the recording's", nullable=True),
-    Column("ttc_term", "number", "1 if the time to contact straight on stayed above its bound, else 0", nullable=True),
-    Column("speed_term", "number", "1 without speeding, less with it", nullable=True),
-    Column("comfort_term", "number", "1 if all bounds of comfort held, else 0", nullable=True),
-    Column("direction", "number", "1, 1/2 or 0 by the metres driven against the lane", nullable=True),
-    Column("fault", "truth", "a collision with another participant was its fault", nullable=True),
-    Column("fault_kind", "label", "why it was its fault; empty: it was not", nullable=True),
-    Column("fault_nuplan", "truth", "nuPlan's verdict on the collision", nullable=True),
-    Column("collision_type", "label", "nuPlan's type of the collision; empty: none", nullable=True),
-    Column("room", "number", "distance left minus distance needed by the rule that decided [m]", nullable=True),
-    Column(
-        "straight_ttc_min",
-        "number",
-        "smallest time to contact straight on [s]; inf: none",
-        nullable=True,
-        infinite=True,
+SCORE_COLUMNS = absent_where(
+    "it was not scored",
+    (
+        Column("score", "number", "from 0 to 1", "1"),
+        Column("score_strict", "number", "the same without excuses for what the recording does itself", "1"),
+        Column("progress", "number", "along the reference path, as a share of the recording's", "1"),
+        Column(
+            "ttc_term",
+            "number",
+            "1 if the time to contact straight on stayed above its bound, else 0",
+            "1",
+        ),
+        Column("speed_term", "number", "1 without speeding, less with it", "1"),
+        Column("comfort_term", "number", "1 if all bounds of comfort held, else 0", "1"),
+        Column("direction", "number", "1, 1/2 or 0 by the metres driven against the lane", "1"),
+        Column("fault", "truth", "a collision with another participant was its fault"),
+        Column("fault_kind", "label", "why it was its fault; empty: it was not", labels=("", *FAULT_KINDS)),
+        Column("fault_nuplan", "truth", "nuPlan's verdict on the collision"),
+        Column("collision_type", "label", "nuPlan's type of the collision; empty: none", labels=("", *COLLISION_TYPES)),
+        Column("room", "number", "distance left minus distance needed by the rule that decided", "m"),
+        Column(
+            "straight_ttc_min",
+            "number",
+            "smallest time to contact straight on; inf: none",
+            "s",
+            infinite=True,
+        ),
+        Column("lane_keeping", "number", "share of time within 0.5 m of the reference path", "1"),
+        Column("excused", "label", "factors and terms that count as 1 because the recording's are 0"),
+        Column("why", "text", "what made the score less than 1, in words"),
     ),
-    Column("lane_keeping", "number", "share of time within 0.5 m of the reference path", nullable=True),
-    Column("excused", "label", "factors and terms that count as 1 because the recording's are 0", nullable=True),
-    Column("why", "text", "what made the score less than 1, in words", nullable=True),
 )
-
-#: What the columns with a short list of values may hold.
-SCORE_LABELS = {"fault_kind": ("", *FAULT_KINDS), "collision_type": ("", *COLLISION_TYPES)}
-
-#: Columns of texts from a short list.
-_TEXTS = {column.name for column in SCORE_COLUMNS if column.kind == "label"}
 
 COLUMNS = (Column("agent_id", "integer", "participant id of the agent"), *SCORE_COLUMNS)
 
@@ -66,8 +77,7 @@ def score_columns(found: Score) -> dict[str, Any]:
 
 def score_table(found: Score) -> ArrowTable:
     """The scores `found`, one row per agent, sorted by id, as an Arrow table."""
-    texts = {name: labels(tuple(values)) for name, values in score_columns(found).items() if name in _TEXTS}
-    return arrow_table(COLUMNS, {"agent_id": found.ids, **score_columns(found), **texts})
+    return arrow_table(COLUMNS, {"agent_id": found.ids, **score_columns(found)})
 
 
 def save_score(found: Score, folder: str | Path) -> Path:
@@ -92,5 +102,5 @@ def stored_score(folder: str | Path) -> ArrowTable | None:
     if not path.exists():
         return None
     table = read_table(path, COLUMNS)
-    check_order(check_table(table, path, COLUMNS, SCORE_LABELS), path, ("agent_id",))
+    check_order(check_table(table, path, COLUMNS), path, ("agent_id",))
     return table

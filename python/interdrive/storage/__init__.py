@@ -8,12 +8,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.storage.checks import check_order, check_table, check_values
+from interdrive.storage.columns import (
+    Column,
+    absent_where,
+    inserted,
+    integer,
+    label,
+    named,
+    number,
+    text,
+    truth,
+    without,
+)
 from interdrive.storage.folders import FolderKind, check_folder, claimed, claimed_new, keep_inputs, whole_folder
 from interdrive.storage.frames import as_pandas, as_polars
 from interdrive.storage.origin import Origin, changed_settings, is_of, origin_of, units_of
 from interdrive.storage.reading import read_json
+from interdrive.storage.records import Record
 from interdrive.storage.tables import (
-    Column,
     arrow_table,
     joined_tables,
     labels,
@@ -39,6 +51,8 @@ __all__ = [
     "Column",
     "FolderKind",
     "Origin",
+    "Record",
+    "absent_where",
     "arrow_table",
     "as_pandas",
     "as_polars",
@@ -49,12 +63,17 @@ __all__ = [
     "check_values",
     "claimed",
     "claimed_new",
+    "inserted",
+    "integer",
     "is_of",
     "joined_tables",
     "json_text",
     "keep_inputs",
+    "label",
     "labels",
+    "named",
     "not_a_link",
+    "number",
     "one_line",
     "origin_of",
     "read_json",
@@ -62,8 +81,11 @@ __all__ = [
     "replacing",
     "resolved",
     "schema_of",
+    "text",
+    "truth",
     "units_of",
     "whole_folder",
+    "without",
     "write_json",
     "write_parquet",
     "write_table",

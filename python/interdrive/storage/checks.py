@@ -8,6 +8,7 @@ import numpy as np
 
 from interdrive.errors import ResultsError
 from interdrive.scenario.limits import LARGEST_ID
+from interdrive.storage.tables import decoded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
-    from interdrive.storage.tables import Column
+    from interdrive.storage.columns import Column
 
     Columns = Mapping[str, Any]
 
@@ -27,23 +28,23 @@ class Damage(Exception):  # noqa: N818 - becomes a ResultsError that names the f
     """Damage of a table, without the name of the file."""
 
 
-def check_values(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> None:
+def check_values(table: pa.Table, path: Path, columns: Sequence[Column]) -> None:
     """Raises ResultsError for an impossible value; the line names file and column."""
     try:
         for column in columns:
-            _check_column(table[column.name], column, labels.get(column.name))
+            _check_column(table[column.name], column)
     except Damage as cause:
         raise ResultsError(f"{path}: {cause}; the file is damaged") from None
 
 
-def check_table(table: pa.Table, path: Path, columns: Sequence[Column], labels: Mapping[str, Sequence[str]]) -> Columns:
+def check_table(table: pa.Table, path: Path, columns: Sequence[Column]) -> Columns:
     """The columns of one table as arrays, absent integers as -1.
 
     Raises:
         ResultsError: As for `check_values`.
     """
-    check_values(table, path, columns, labels)
-    return {column.name: _array(table[column.name], column.kind) for column in columns}
+    check_values(table, path, columns)
+    return {column.name: decoded(table[column.name], column) for column in columns}
 
 
 def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
@@ -64,34 +65,28 @@ def check_order(columns: Columns, path: Path, order: Sequence[str]) -> None:
         )
 
 
-def _check_column(column: pa.ChunkedArray, about: Column, labels: Sequence[str] | None) -> None:
+def _check_column(column: pa.ChunkedArray, about: Column) -> None:
     if about.kind == "label":
         texts = column.unique().cast("string")
         if texts.null_count and not about.nullable:
             raise Damage(f"{about.name}: a value is missing")
-        known = texts.to_pylist() if labels is None else [None, *labels]
+        known = texts.to_pylist() if about.labels is None else [None, *about.labels]
         unknown = [text for text in texts.to_pylist() if text not in known]
         if unknown:
-            raise Damage(f"{about.name}: {unknown[0]!r} is not one of {', '.join(labels or ())}")
+            raise Damage(f"{about.name}: {unknown[0]!r} is not one of {', '.join(about.labels or ())}")
     elif column.null_count and not about.nullable:
         raise Damage(f"{about.name}: a value is missing")
     elif about.kind == "integer":
-        values = _array(column, about.kind)
+        values = decoded(column, about)
         refuse(about.name, values, (values > LARGEST_ID) | (values < -LARGEST_ID), "is too large")
     elif about.kind == "number":
-        numbers = _array(column, about.kind)
+        numbers = decoded(column, about)
         if not about.nullable:
             refuse(about.name, numbers, np.isnan(numbers), "is not a number")
         wrong = np.isfinite(numbers) & (np.abs(numbers) > _NUMBER_MAX)
         if not about.infinite:
             wrong |= np.isinf(numbers)
         refuse(about.name, numbers, wrong, "is too large")
-
-
-def _array(column: pa.ChunkedArray, kind: str) -> Any:  # noqa: ANN401 - an array
-    if kind in ("label", "text"):
-        return column.cast("string").to_numpy(zero_copy_only=False)
-    return (column.fill_null(-1) if kind == "integer" else column).to_numpy(zero_copy_only=False)
 
 
 def refuse(name: str, values: Any, wrong: Any, why: str) -> None:  # noqa: ANN401 - arrays

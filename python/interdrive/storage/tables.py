@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -19,46 +17,19 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
 
+    from interdrive.storage.columns import Column
     from interdrive.storage.origin import Origin
 
     #: For signatures elsewhere: only `interdrive.results` knows pyarrow.
     ArrowTable: TypeAlias = pa.Table
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column: its name, its type ("integer", "number", "truth", "text", "label"), and its description with unit.
-
-    Absent values are null, and only `nullable` columns have them; only `infinite` ones have infinities. The unit is
-    what the description has in brackets at its end, unless `own_unit` states another one.
-    """
-
-    name: str
-    kind: str
-    text: str
-    nullable: bool = False
-    infinite: bool = False
-    own_unit: str | None = None
-
-    @property
-    def unit(self) -> str:
-        """The unit; "1" for numbers without one, "" for what is no number."""
-        if self.own_unit is not None:
-            return self.own_unit
-        found = re.search(r"\[([^\]]+)\]$", self.text)
-        return found[1] if found else "1" if self.kind in ("integer", "number") else ""
-
-
 def arrow_table(columns: Sequence[Column], values: Mapping[str, Any]) -> pa.Table:
-    """A table with the given columns, whose values are arrays, sequences or Arrow arrays; nan becomes null."""
+    """A table with the given columns, whose values are arrays, sequences or Arrow arrays, as records have them."""
     import pyarrow as pa  # noqa: PLC0415
 
     schema = schema_of(columns)
-    # from_pandas: nan and masked entries become null.
-    arrays = [
-        _array(values[field.name], field) if not isinstance(values[field.name], pa.Array) else values[field.name]
-        for field in schema
-    ]
+    arrays = [_array(values[column.name], column, field) for column, field in zip(columns, schema, strict=True)]
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
@@ -69,29 +40,55 @@ def joined_tables(columns: Sequence[Column], tables: Sequence[pa.Table]) -> pa.T
     return pa.concat_tables([schema_of(columns).empty_table(), *tables]).unify_dictionaries()
 
 
-def _array(values: Any, field: pa.Field) -> pa.Array:  # noqa: ANN401 - array or sequence
+def _array(values: Any, column: Column, field: pa.Field) -> pa.Array:  # noqa: ANN401 - array or sequence
     import pyarrow as pa  # noqa: PLC0415
 
+    if isinstance(values, pa.Array):
+        return values
+    if column.kind == "label":
+        if column.coded and column.labels is not None:
+            return labels(column.labels, values)
+        return labels(values, absent=("",) if column.empty_is_null else ())
+    if column.nullable and isinstance(values, np.ndarray) and values.dtype.kind == "i":
+        values = np.ma.masked_equal(values, column.absent)
     try:
-        return pa.array(values, type=field.type, from_pandas=field.nullable)
+        # from_pandas: nan and masked entries become null.
+        return pa.array(values, type=field.type, from_pandas=column.nullable)
     except UnicodeEncodeError:
         texts = [readable(text) if isinstance(text, str) else text for text in values]
-        return pa.array(texts, type=field.type, from_pandas=field.nullable)
+        return pa.array(texts, type=field.type, from_pandas=column.nullable)
 
 
-def labels(names: tuple[str, ...], index: Any = None) -> pa.Array:  # noqa: ANN401 - integer array
-    """Texts from a short list; `index` picks from `names` (null where negative), without it each name is one row."""
+def labels(names: Sequence[str | None], index: Any = None, absent: Sequence[str] = ()) -> pa.Array:  # noqa: ANN401
+    """Texts from a short list; `index` picks from `names` (null where negative), without it each name is one row.
+
+    None, and names that are `absent`, are null.
+    """
     import pyarrow as pa  # noqa: PLC0415
 
-    places: dict[str, int] = {}
-    place = np.array([places.setdefault(name, len(places)) for name in names], dtype=np.int32)
+    kept = [name for name in dict.fromkeys(names) if name is not None and name not in absent]
+    places: dict[str | None, int] = {
+        None: -1,
+        **dict.fromkeys(absent, -1),
+        **{name: place for place, name in enumerate(kept)},
+    }
+    place = np.array([places[name] for name in names], dtype=np.int32)
     picked = place if index is None else np.append(place, np.int32(-1))[index]
     indices = pa.array(picked, pa.int32(), mask=picked < 0)
-    return pa.DictionaryArray.from_arrays(indices, pa.array([readable(name) for name in places], pa.string()))
+    return pa.DictionaryArray.from_arrays(indices, pa.array([readable(name) for name in kept], pa.string()))
+
+
+def decoded(values: pa.ChunkedArray, column: Column) -> Any:  # noqa: ANN401 - an array
+    """The values of a column of a table as an array, with `Column.absent` for null."""
+    if column.kind in ("label", "text"):
+        values = values.cast("string")
+    if column.kind != "number" and values.null_count:
+        values = values.fill_null(column.absent)
+    return values.to_numpy(zero_copy_only=False)
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:
-    """The columns as an Arrow schema, with descriptions and units as metadata."""
+    """The columns as an Arrow schema, with meaning, unit and reason for null as metadata."""
     import pyarrow as pa  # noqa: PLC0415
 
     types = {
@@ -101,12 +98,12 @@ def schema_of(columns: Sequence[Column]) -> pa.Schema:
         "text": pa.string(),
         "label": pa.dictionary(pa.int32(), pa.string()),
     }
-    return pa.schema(
-        pa.field(
-            column.name, types[column.kind], column.nullable, {"description": column.text, UNIT: column.unit.encode()}
-        )
-        for column in columns
-    )
+
+    def about(column: Column) -> dict[bytes, bytes]:
+        told = {b"description": column.description, UNIT: column.unit, b"null": column.null}
+        return {key: value.encode() for key, value in told.items() if value or key != b"null"}
+
+    return pa.schema(pa.field(one.name, types[one.kind], one.nullable, about(one)) for one in columns)
 
 
 def read_table(path: Path, columns: Sequence[Column], *, added: Sequence[str] = ()) -> pa.Table:

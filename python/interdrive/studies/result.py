@@ -67,7 +67,12 @@ _COLUMNS = (
     *(measure.column for measure in MEASURES),
     Column("collided", "truth", "the two collided with each other"),
     Column("agent_outcome", "label", "one of interdrive.run.OUTCOMES"),
-    Column("other_outcome", "label", "one of interdrive.run.OUTCOMES; none for a recording", nullable=True),
+    Column(
+        "other_outcome",
+        "label",
+        "one of interdrive.run.OUTCOMES; none for a recording",
+        null="it replays its recording",
+    ),
 )
 
 

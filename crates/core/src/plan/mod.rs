@@ -3,6 +3,7 @@
 mod conflicts;
 mod arrival;
 mod car_following;
+mod emergency_braking;
 mod frame;
 mod lanes;
 mod neighbours;
@@ -324,5 +325,5 @@ pub fn plan(
 
 /// What an agent does that its planner cannot help: it stays if it stands, and otherwise brakes as hard as it can.
 fn refused(request: &PlanRequest, memory: &mut PlanningMemory, reason: &str) -> PlanResult {
-    frenet::without_plan(request, request.predictions.n_steps + 1, &mut memory.frenet, reason)
+    emergency_braking::without_plan(request, request.predictions.n_steps + 1, &mut memory.road, reason)
 }

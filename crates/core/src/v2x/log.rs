@@ -1,6 +1,7 @@
 //! Which messages were sent and received, as far as it is recorded, and totals.
 
 use super::message::Service;
+use crate::columns::table;
 
 /// How much of the messages is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -14,27 +15,33 @@ pub enum Logged {
     Links,
 }
 
-/// A message, or its way to one receiver.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Row {
-    /// Time step of sending.
-    pub time_step: i64,
-    /// Id of the sender.
-    pub sender: i64,
-    /// Its service.
-    pub service: Service,
-    /// Its size [B].
-    pub bytes: usize,
-    /// Number of objects in it.
-    pub objects: usize,
-    /// Number of points of its plan.
-    pub points: usize,
-    /// Number of receivers within range.
-    pub in_range: usize,
-    /// Number of receivers that it reaches.
-    pub received: usize,
-    /// Id of the receiver, time step of arrival (`None`: lost), distance [m]; `None` in the row of the message itself.
-    pub link: Option<(i64, Option<i64>, f64)>,
+table! {
+    /// A message, or its way to one receiver.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Row {
+        /// Time step of sending.
+        pub time_step: i64,
+        /// Id of the sender.
+        pub sender as "sender_id": i64,
+        /// Its service.
+        pub service: Service,
+        /// Its size [B].
+        pub bytes: usize,
+        /// Number of objects in it.
+        pub objects: usize,
+        /// Number of points of its plan.
+        pub points: usize,
+        /// Number of receivers within range.
+        pub in_range: usize,
+        /// Number of receivers that it reaches.
+        pub received: usize,
+        /// Id of the receiver; `None` in the row of the message itself.
+        pub receiver as "receiver_id": Option<i64>,
+        /// Time step of arrival there; `None`: lost, or the row of the message itself.
+        pub arrived: Option<i64>,
+        /// Distance of the receiver [m]; NaN in the row of the message itself.
+        pub distance: f64,
+    }
 }
 
 /// What is recorded about messages.
@@ -67,7 +74,9 @@ impl Log {
             self.rows.push(row);
         }
         if self.level == Logged::Links {
-            self.rows.extend(links.iter().map(|link| Row { link: Some(*link), ..row }));
+            let rows =
+                links.iter().map(|&(id, arrived, distance)| Row { receiver: Some(id), arrived, distance, ..row });
+            self.rows.extend(rows);
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use crate::columns::coded;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
@@ -19,6 +20,8 @@ pub enum Service {
     /// What the sender's sensors see (ETSI TS 103 324).
     Cpm = 2,
 }
+
+coded!(Service);
 
 impl Service {
     /// All; the position is the code.

@@ -229,7 +229,19 @@ impl Network {
             Payload::Cpm(objects) => (objects.len(), 0),
         };
         let (sender, bytes) = (self.ids[sender], message.bytes());
-        let row = Row { time_step: now, sender, service, bytes, objects, points, in_range, received, link: None };
+        let row = Row {
+            time_step: now,
+            sender,
+            service,
+            bytes,
+            objects,
+            points,
+            in_range,
+            received,
+            receiver: None,
+            arrived: None,
+            distance: f64::NAN,
+        };
         self.log.note(row, &self.links);
     }
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.record import Violations
+from interdrive.run.arrays import Violations
 from interdrive.run.rules import VIOLATIONS
 from interdrive.run.violations.crosswalks import People, crosswalks, people, recorded_people
 from interdrive.run.violations.drives import Drives, Row, driven, recorded

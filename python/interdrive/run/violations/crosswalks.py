@@ -9,7 +9,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive import _core
-    from interdrive.run.record import RunRecord, States
+    from interdrive.run.arrays import States
+    from interdrive.run.record import RunRecord
     from interdrive.run.violations.drives import Drives, Floats, Ints, Row
     from interdrive.scenario import Obstacles, Scenario
 

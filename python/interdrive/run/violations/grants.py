@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
+from interdrive.run.arrays import ORDERS
 from interdrive.run.phases import path_coordinates
-from interdrive.run.record import ORDERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 COLUMNS = (
     Column("scenario", "label", "name of the scenario"),
     Column("variant", "label", "name of the variant"),
-    Column("penetration", "number", "share of equipped agents"),
+    Column("penetration", "number", "share of equipped agents", "1"),
     Column("negotiate", "truth", "agents agree which goes first"),
-    Column("delay", "number", "delay of messages [s]"),
-    Column("loss", "number", "probability that a message is lost"),
+    Column("delay", "number", "delay of messages", "s"),
+    Column("loss", "number", "probability that a message is lost", "1"),
     Column("occlusion", "truth", "agents do not see what vehicles hide"),
     Column("services", "label", "what is sent"),
     Column("seed", "integer", "seed of the run"),
@@ -43,17 +43,19 @@ COLUMNS = (
     Column("time_limit", "integer", "agents whose time was over"),
     Column("missed", "integer", "agents that missed their goal"),
     Column("collisions", "integer", "agents that collided with a participant or left the road"),
-    Column("time", "number", "mean time of an agent until its outcome [s]"),
-    Column("min_ttc", "number", "least time to collision along lanes of all agents [s]", nullable=True),
-    Column("ttc_share", "number", "share of the time of all agents with a TTC of less than 1.5 s"),
+    Column("time", "number", "mean time of an agent until its outcome", "s"),
+    Column("min_ttc", "number", "least time to collision along lanes of all agents", "s", null="no agent has V2X"),
+    Column("ttc_share", "number", "share of the time of all agents with a TTC of less than 1.5 s", "1"),
     Column("emergency_steps", "integer", "plans that are emergency braking"),
-    Column("longest_wait", "number", "longest time that an agent stood [s]"),
+    Column("longest_wait", "number", "longest time that an agent stood", "s"),
     Column("deadlocks", "integer", "circles of agents that stand for 10 s because of each other"),
-    Column("messages", "number", "messages per second"),
-    Column("load", "number", "largest load of a receiver, as a share of 6 Mbit/s", nullable=True),
-    Column("received_share", "number", "share of messages received", nullable=True),
-    Column("plan_age", "number", "mean age of the plans that were used [s]", nullable=True),
-    Column("used_share", "number", "share of known participants planned with a received plan", nullable=True),
+    Column("messages", "number", "messages per second", "1"),
+    Column("load", "number", "largest load of a receiver, as a share of 6 Mbit/s", "1", null="no agent has V2X"),
+    Column("received_share", "number", "share of messages received", "1", null="no agent has V2X"),
+    Column("plan_age", "number", "mean age of the plans that were used", "s", null="no agent has V2X"),
+    Column(
+        "used_share", "number", "share of known participants planned with a received plan", "1", null="no agent has V2X"
+    ),
 )
 
 #: Speed below which an agent stands [m/s]. A TTC below this is critical [s].

@@ -38,13 +38,13 @@ STEP_COLUMNS = (
     Column("repetition", "integer", "counted from 0"),
     Column("time_step", "integer", "of the scenario"),
     Column("driving", "integer", "agents that drive"),
-    Column("step", "number", "the whole step [s]"),
-    Column("observe", "number", "making the scene [s]"),
-    Column("predict", "number", "prediction [s]"),
-    Column("plan", "number", "planning of all agents, on all threads: the slowest batch [s]"),
-    Column("collision", "number", "search for contacts and road departures [s]"),
-    Column("update", "number", "all move, goals are judged, states are recorded [s]"),
-    Column("python", "number", "what is not spent in the core, part of the phases [s]"),
+    Column("step", "number", "the whole step", "s"),
+    Column("observe", "number", "making the scene", "s"),
+    Column("predict", "number", "prediction", "s"),
+    Column("plan", "number", "planning of all agents, on all threads: the slowest batch", "s"),
+    Column("collision", "number", "search for contacts and road departures", "s"),
+    Column("update", "number", "all move, goals are judged, states are recorded", "s"),
+    Column("python", "number", "what is not spent in the core, part of the phases", "s"),
 )
 
 #: The first step starts threads and grows memory; times of it are not counted.

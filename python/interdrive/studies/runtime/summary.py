@@ -29,13 +29,13 @@ SUMMARY_COLUMNS = (
     Column("predictor", "label", "name of the predictor"),
     Column("agents", "integer", "number of agents"),
     Column("threads", "integer", "threads that plan"),
-    Column("participants", "number", "agents and recorded vehicles present, mean"),
+    Column("participants", "number", "agents and recorded vehicles present, mean", "1"),
     Column("steps", "integer", "steps that count"),
-    Column("mean", "number", "time per step, mean [s]"),
-    Column("lower", "number", "lower quartile [s]"),
-    Column("median", "number", "median [s]"),
-    Column("upper", "number", "upper quartile [s]"),
-    *(Column(part, "number", f"{part} per step, median [s]") for part in PARTS),
+    Column("mean", "number", "time per step, mean", "s"),
+    Column("lower", "number", "lower quartile", "s"),
+    Column("median", "number", "median", "s"),
+    Column("upper", "number", "upper quartile", "s"),
+    *(Column(part, "number", f"{part} per step, median", "s") for part in PARTS),
 )
 
 

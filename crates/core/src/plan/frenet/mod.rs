@@ -2,7 +2,7 @@
 //!
 //! One plan: the present state is expressed in the frame of the path; samples join it to a grid of end conditions;
 //! the cheapest sample wins that is feasible, free of collisions, and on the road. Only as much is evaluated as the
-//! choice needs (`search`). If there is none, see `fallback`.
+//! choice needs (`search`). If there is none, see `emergency_braking`.
 //!
 //! Sources: Werling, Ziegler, Kammel, Thrun, ICRA 2010, doi 10.1109/ROBOT.2010.5509799 (samples); Trauth, Moller,
 //! Wuersching, Betz, FRENETIX, IEEE Access 2024, doi 10.1109/ACCESS.2024.3436835 (grid, cost, selection). Unlike the
@@ -32,7 +32,6 @@ mod profile_speeds;
 mod cost;
 mod search;
 mod evaluation;
-mod fallback;
 mod obstruction;
 mod candidates;
 mod single;
@@ -46,9 +45,9 @@ pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
-use super::{PlanRequest, PlanResult};
+use super::{PlanRequest, PlanResult, emergency_braking};
 use crate::geometry::Point;
-use crate::trajectory::{Obstruction, PlanStatus, State, Trajectory};
+use crate::trajectory::{PlanStatus, State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
@@ -56,6 +55,9 @@ use grid::{ARC_MIN, Inputs, SampleGrid};
 use obstacles::{Contact, Obstacles};
 use targets::Targets;
 use whole::Wholes;
+
+/// Worth of one second before a contact [m/s²].
+const WORTH_OF_TIME: f64 = 2.0;
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
 /// not depend on what was planned before with the same memory.
@@ -294,11 +296,18 @@ fn attempt(
     let n_points = n_points(request, settings);
     memory.evaluation.off_road_cost = f64::INFINITY;
     if !request.state.is_finite() {
-        return fallback::refuse(request, n_points, "the present state is not a number".into());
+        return emergency_braking::refuse(request, n_points, "the present state is not a number".into());
     }
     let start = match Start::new(request, assumptions.knows_yaw_rate(request, settings)) {
         Ok(start) => start,
-        Err(reason) => return without_plan(request, n_points, memory, &format!("the agent {reason}")),
+        Err(reason) => {
+            return emergency_braking::without_plan(
+                request,
+                n_points,
+                &mut memory.road,
+                &format!("the agent {reason}"),
+            );
+        }
     };
     let limits = Limits::new(request, n_points, start.curvature, assumptions.slack);
     let targets = Targets::new(request, &start, settings);
@@ -333,10 +342,10 @@ fn attempt(
         return PlanResult::planned(trajectory, cost);
     }
     let obstruction = Some(obstruction::find(&mut evaluation));
-    let is_moving = start.velocity > fallback::AGENT_STOPPED_SPEED;
+    let is_moving = start.velocity > emergency_braking::AGENT_STOPPED_SPEED;
     let result = match is_moving.then(|| least_bad(&mut evaluation)).flatten() {
         Some(trajectory) => PlanResult::braking(trajectory),
-        None => last_resort(request, n_points, road, "no sample can be driven"),
+        None => emergency_braking::last_resort(request, n_points, road, "no sample can be driven"),
     };
     PlanResult { obstruction, ..result }
 }
@@ -431,13 +440,14 @@ fn prepare(
 }
 
 /// Full braking, or the least bad of the samples that collide with no more energy than it does; `None` if neither
-/// stays on the road.
+/// stays on the road. The smallest difference of velocities is least bad, where one second more counts like 2 m/s less.
 fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     let Problem { request, start, limits, .. } = evaluation.problem;
-    let severity = |contact: &Contact| fallback::severity(contact, limits.dt);
+    // The least is best.
+    let severity = |contact: &Contact| contact.closing_speed - WORTH_OF_TIME * contact.interval as f64 * limits.dt;
     let mut braking: Option<(Contact, Vec<State>)> = None;
-    for points in fallback::full_braking(request, limits.n_points, &mut evaluation.tables.memory.road) {
-        let waypoints = fallback::waypoints(&points, start.d);
+    for points in emergency_braking::full_braking(request, limits.n_points, &mut evaluation.tables.memory.road) {
+        let waypoints = waypoints(&points, start.d);
         let Some(contact) = evaluation.tables.obstacles.first_contact(&waypoints, limits.dt, request) else {
             return Some(Trajectory { points });
         };
@@ -459,28 +469,17 @@ fn least_bad(evaluation: &mut Evaluation) -> Option<Trajectory> {
     trajectory.or(braking.map(|(_, points)| Trajectory { points }))
 }
 
-/// What an agent does if there is nothing to choose from.
-pub(super) fn without_plan(
-    request: &PlanRequest,
-    n_points: usize,
-    memory: &mut FrenetMemory,
-    reason: &str,
-) -> PlanResult {
-    if request.state.is_finite() {
-        let obstruction = Some(Obstruction::nowhere(reason));
-        PlanResult { obstruction, ..last_resort(request, n_points, &mut memory.road, reason) }
-    } else {
-        fallback::refuse(request, n_points, reason.into())
-    }
-}
-
-/// Standing still or full braking.
-fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
-    if request.state.velocity.abs() <= fallback::AGENT_STOPPED_SPEED {
-        fallback::stay(request, n_points)
-    } else {
-        fallback::brake(request, n_points, road, reason)
-    }
+/// A trajectory for the search for contacts, which takes it to keep its offset from the path.
+fn waypoints(points: &[State], d: f64) -> Vec<Waypoint> {
+    let waypoint = |point: &State| Waypoint {
+        center: point.pose().position,
+        axis: Point::from_angle(point.orientation),
+        velocity: point.velocity,
+        acceleration: point.acceleration,
+        d,
+        ..Waypoint::default()
+    };
+    points.iter().map(waypoint).collect()
 }
 
 /// States of the footprint centre; headings continue that of the present state without jumps.

@@ -2,10 +2,11 @@
 //! but the limits of the vehicle is checked.
 
 use super::super::PlanRequest;
+use super::super::emergency_braking::last_resort;
 use super::super::frame::{FrenetPoint, Start, Waypoint};
 use super::super::polynomial::Polynomial;
 use super::feasibility::{Limits, Rejection};
-use super::{ARC_MIN, Assumptions, last_resort};
+use super::{ARC_MIN, Assumptions};
 use crate::error::{Error, Result};
 use crate::settings::{positive, settings};
 use crate::trajectory::State;

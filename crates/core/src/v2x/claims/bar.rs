@@ -2,6 +2,7 @@
 
 use super::{Negotiator, Situation};
 use crate::barrier::Barrier;
+use crate::columns::table;
 use crate::geometry::Pose;
 
 /// Length of a bar, largest width to each side [m].
@@ -23,21 +24,23 @@ pub struct Bar {
     pub barrier: Barrier,
 }
 
-/// A stretch of time steps in which an agent holds for another.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Agreement {
-    /// Id of the agent that holds.
-    pub holding: i64,
-    /// Id of the agent that goes; `None`: the way behind the zone is blocked.
-    pub going: Option<i64>,
-    /// First time step.
-    pub first: i64,
-    /// Last time step.
-    pub last: i64,
-    /// Its bar at the first time step.
-    pub bar: Pose,
-    /// Number of its claim.
-    pub claim: i64,
+table! {
+    /// A stretch of time steps in which an agent holds for another.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Agreement {
+        /// Id of the agent that holds.
+        pub holding as "holding_id": i64,
+        /// Id of the agent that goes; `None`: the way behind the zone is blocked.
+        pub going as "going_id": Option<i64>,
+        /// First time step.
+        pub first as "first_time_step": i64,
+        /// Last time step.
+        pub last as "last_time_step": i64,
+        /// Its bar at the first time step.
+        pub bar: Pose,
+        /// Number of its claim.
+        pub claim: i64,
+    }
 }
 
 /// Adds a time step to the stretch in which an agent holds for the same other.

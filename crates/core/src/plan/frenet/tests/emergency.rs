@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use super::super::fallback;
+use super::super::super::emergency_braking;
 use super::{Car, Drive};
 use crate::geometry::Pose;
 use crate::plan::frenet::FrenetSettings;
@@ -17,7 +17,8 @@ fn contact_speeds(mut drive: Drive) -> Option<(f64, f64)> {
         let result = drive.plan(&FrenetSettings::default());
         if braking.is_none() && result.status == PlanStatus::EmergencyBraking {
             let n_points = result.trajectory.points.len();
-            let full = drive.with_request(|request| fallback::full_braking(request, n_points, &mut Vec::new()));
+            let full =
+                drive.with_request(|request| emergency_braking::full_braking(request, n_points, &mut Vec::new()));
             braking = Some((drive.time_step, full));
         }
         drive.step(result);
@@ -85,7 +86,7 @@ fn full_braking_is_offered_along_the_last_plan_and_towards_the_path_and_on_the_p
     let result = drive.plan(&FrenetSettings::default());
     drive.step(result);
     drive.state.yaw_rate = 0.4;
-    let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+    let found = drive.with_request(|request| emergency_braking::full_braking(request, 31, &mut Vec::new()));
     assert_eq!(found.len(), 4);
     for points in &found {
         let first = Pose { ..points[0].pose() };
@@ -110,7 +111,7 @@ fn full_braking_turns_the_wheels_within_the_steering_rate_and_the_friction_circl
         drive.state.yaw_rate = velocity / 18.0;
         let result = drive.plan(&FrenetSettings::default());
         drive.step(result);
-        let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+        let found = drive.with_request(|request| emergency_braking::full_braking(request, 31, &mut Vec::new()));
         assert!(found.len() >= 2, "others may leave the road");
         let vehicle = &drive.vehicle;
         let steering = |p: &State| (vehicle.wheelbase * p.yaw_rate / p.velocity).atan();
@@ -133,7 +134,7 @@ fn full_braking_before_a_bend_turns_the_wheels_into_it_as_fast_as_they_turn() {
     let mut center = straight((0.0, 0.0), (20.0, 0.0));
     center.extend(arc((20.0, 12.0), 12.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
     let drive = Drive::along(&center, 18.0, 9.0);
-    let found = drive.with_request(|request| fallback::full_braking(request, 31, &mut Vec::new()));
+    let found = drive.with_request(|request| emergency_braking::full_braking(request, 31, &mut Vec::new()));
     let (towards, straight_on) = (&found[0], found.last().expect("braking"));
     let from_path = |points: &[State]| {
         let pose = points[30].pose();

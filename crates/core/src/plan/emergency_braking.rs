@@ -1,11 +1,9 @@
-//! What an agent does when no sample is admissible, in this order:
+//! The last resort of every planner, in this order:
 //!
-//! 1. It stands (at most 0.1 m/s): it stays.
+//! 1. The agent stands (at most 0.1 m/s): it stays.
 //! 2. Full braking that stays on the road: along the path of the previous plan, if the agent is still on it, turning the
-//!    wheels towards the reference path, on the arc of the present steering, or straightening the wheels. If that hits a
-//!    participant, drivable samples that stay on the road count, too, if they hit with no more kinetic energy
-//!    and no larger difference of velocities. The least severe contact counts: the difference of velocities, where one
-//!    second more counts like 2 m/s less.
+//!    wheels towards the reference path, on the arc of the present steering, or straightening the wheels. `frenet` chooses
+//!    among these and its own samples by their contacts (`least_bad`).
 //! 3. Full braking while the wheels turn towards those of another arc: the one next to the present steering that stays on
 //!    the road.
 //!
@@ -14,19 +12,16 @@
 //!
 //! The status is `EmergencyBraking`; `Infeasible` with a reason if even the last resort leaves the road.
 
-use super::super::frame::{Waypoint, project, start_curvature};
-use super::super::path_motion::point_at;
-use super::super::polynomial::Braking;
-use super::super::{PlanRequest, PlanResult};
-use super::obstacles::Contact;
+use super::frame::{project, start_curvature};
+use super::path_motion::point_at;
+use super::polynomial::Braking;
+use super::{PlanRequest, PlanResult};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
-use crate::trajectory::{State, Trajectory};
+use crate::trajectory::{Obstruction, State, Trajectory};
 
 /// Slower agents stand [m/s].
 pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
-/// Worth of one second before a contact [m/s²].
-const WORTH_OF_TIME: f64 = 2.0;
 /// Full braking as a fraction of the largest deceleration.
 const FULL_BRAKING: f64 = 0.9;
 /// The previous plan's path is taken if it passes the agent this closely: [m], [rad].
@@ -36,9 +31,23 @@ const HEADING_TOLERANCE: f64 = 0.1;
 const AIM_TIME: f64 = 0.7;
 const AIM_DISTANCE: f64 = 4.0;
 
-/// How bad a contact is [m/s]; the least is best.
-pub(super) fn severity(contact: &Contact, dt: f64) -> f64 {
-    contact.closing_speed - WORTH_OF_TIME * contact.interval as f64 * dt
+/// What an agent does if there is nothing to choose from.
+pub(super) fn without_plan(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
+    if request.state.is_finite() {
+        let obstruction = Some(Obstruction::nowhere(reason));
+        PlanResult { obstruction, ..last_resort(request, n_points, road, reason) }
+    } else {
+        refuse(request, n_points, reason.into())
+    }
+}
+
+/// Standing still or full braking.
+pub(super) fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
+    if request.state.velocity.abs() <= AGENT_STOPPED_SPEED {
+        stay(request, n_points)
+    } else {
+        brake(request, n_points, road, reason)
+    }
 }
 
 /// The agent stays where it is.
@@ -68,19 +77,6 @@ pub(super) fn full_braking(request: &PlanRequest, n_points: usize, scratch: &mut
     }
     found.retain(|points| stays_on_road(request, points, scratch));
     found
-}
-
-/// A trajectory for the search for contacts, which takes it to keep its offset from the path.
-pub(super) fn waypoints(points: &[State], d: f64) -> Vec<Waypoint> {
-    let waypoint = |point: &State| Waypoint {
-        center: point.pose().position,
-        axis: Point::from_angle(point.orientation),
-        velocity: point.velocity,
-        acceleration: point.acceleration,
-        d,
-        ..Waypoint::default()
-    };
-    points.iter().map(waypoint).collect()
 }
 
 /// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
