@@ -224,11 +224,23 @@ def with_agent_view(run, n_candidates=120):
             covariance = (0.2 + 0.5 * ahead[1:, None, None]) ** 2 * np.diag([1.0, 0.3])
             predicted.append((step, recorded.participant_id[other], 0, 1.0, x_mean, y_mean, covariance))
     step, agent, cost, rejection, chosen, x, y = zip(*considered, strict=True)
-    arrays = (np.array(column) for column in (step, agent, cost))
-    kept = RecordedCandidates(np.arange(7) * 5, *arrays, rejection, *(np.array(column) for column in (chosen, x, y)))
-    columns = (np.array(column) for column in zip(*predicted, strict=True))
-    nobody = np.full(len(predicted), -1), np.full(len(predicted), np.nan)
-    told = RecordedPredictions(np.arange(1, 7) * 5, *columns, *nobody)
+    kept = RecordedCandidates(
+        time_step=np.array(step),
+        agent_id=np.array(agent),
+        cost=np.array(cost),
+        rejection=rejection,
+        chosen=np.array(chosen),
+        point=np.arange(7) * 5,
+        x=np.array(x),
+        y=np.array(y),
+    )
+    names = ("time_step", "participant_id", "mode", "probability", "x", "y", "covariance")
+    told = RecordedPredictions(
+        point=np.arange(1, 7) * 5,
+        sender_id=np.full(len(predicted), -1),
+        age=np.full(len(predicted), np.nan),
+        **{name: np.array(column) for name, column in zip(names, zip(*predicted, strict=True), strict=True)},
+    )
     return replace(run, candidates=kept, predictions=told)
 
 
