@@ -139,7 +139,7 @@ pub fn one_by_one(n: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..n).for_each(work);
 }
 
-/// Expectations for all present participants over `n_steps` steps, on the threads of the rayon pool in which it is
+/// SharedPredictions for all present participants over `n_steps` steps, on the threads of the rayon pool in which it is
 /// called; outside of one, on the calling thread.
 ///
 /// # Errors

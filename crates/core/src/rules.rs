@@ -5,7 +5,7 @@
 mod arbitration;
 mod blinkers;
 mod circles;
-mod claims;
+mod requests;
 mod components;
 mod course;
 mod crosswalks;
@@ -22,8 +22,8 @@ pub use blinkers::Turning;
 pub(crate) use course::reach;
 pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
-pub use meeting::{Body, Booking, Meeting, Memory, Order, OrderKind, Place, Traveller, Unseen, Yielding};
-pub(crate) use windows::{EARLY, LATE, travel_time};
+pub use meeting::{Body, Meeting, Memory, Order, OrderKind, Place, Reservation, Traveller, Unseen, Yielding};
+pub(crate) use windows::{EARLY_ACCELERATION, LATE_ACCELERATION, travel_time};
 
 use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED};
 use std::sync::LazyLock;
@@ -385,7 +385,7 @@ impl Rules<'_> {
 
 /// What an agent remembers of the lines ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Stop {
+pub struct LineMemory {
     /// How long it has stood before a line that it may pass after stopping (that of a stop sign, or a red light beside
     /// which it may turn right): position of the line in `Control::lines`, and the steps.
     standing: Option<(usize, usize)>,
@@ -393,7 +393,7 @@ pub struct Stop {
     passing: Option<usize>,
 }
 
-impl Stop {
+impl LineMemory {
     /// One time step later, with the arc length of the agent's front on the way of its lane [m] and its speed [m/s].
     pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
         let counts = |one: &&Crossing| one.turns_on_red || control.lines[one.line].has_stop_sign;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::predict::completed;
 use interdrive_core::trajectory::{Predictions, State};
-use interdrive_core::v2x::{Expectations, Known};
+use interdrive_core::v2x::{Known, SharedPredictions};
 use interdrive_core::world::Expected;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -39,7 +39,7 @@ pub struct PyPredictions {
     table: Arc<Predictions>,
     rows: Option<Vec<usize>>,
     /// What the agents with V2X were told besides.
-    pub told: Option<Arc<Expectations>>,
+    pub told: Option<Arc<SharedPredictions>>,
 }
 
 impl PyPredictions {
@@ -278,7 +278,7 @@ impl PyPredictions {
     }
 
     /// Some rows of the table that agents with V2X expect.
-    pub fn rows_told(told: &Expectations, rows: Vec<usize>) -> Self {
+    pub fn rows_told(told: &SharedPredictions, rows: Vec<usize>) -> Self {
         Self { table: Arc::clone(&told.table), rows: Some(rows), told: None }
     }
 }

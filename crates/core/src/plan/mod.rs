@@ -63,7 +63,7 @@ pub enum Planner {
 
 impl Planner {
     /// It stops before what [`Rules::told`] names.
-    pub fn knows_holds(&self) -> bool {
+    pub fn heeds_barriers(&self) -> bool {
         matches!(self, Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
     }
 }

@@ -1,20 +1,20 @@
 //! Entering a junction: one order for all that obey, from their states, the map, and what they remember.
 //!
 //! Areas are used by one vehicle at a time. A vehicle that cannot stop before its passage any more, or does not obey, has
-//! booked it. The others ask in turn: those first that wait for none of the rest by precedence, equals by their arrival. An
-//! agent may enter if no other has booked one of its areas meanwhile and there is room behind the passage. Docs: rules.md.
-//! What all of this looks at is in `meeting`, when a vehicle is where in `windows`, what fits between bookings in `gaps`,
+//! reserved it. The others ask in turn: those first that wait for none of the rest by precedence, equals by their arrival. An
+//! agent may enter if no other has reserved one of its areas meanwhile and there is room behind the passage. Docs: rules.md.
+//! What all of this looks at is in `meeting`, when a vehicle is where in `windows`, what fits between reservations in `gaps`,
 //! how circles of waits are broken in `circles`.
 
 use crate::barrier::Barrier;
 use crate::conduct::{COMFORTABLE_DECELERATION, CRAWLING_SPEED};
 use std::collections::BTreeMap;
 
-use super::claims::{Answer, Bookings, Claim};
 use super::components::components;
 use super::course::{Crossed, GAP, MARGIN, PEEK, SIGN_LEAD, conflict, reach};
 use super::gaps::Links;
-use super::meeting::{Booking, Meeting, Memory, Order, OrderKind, Queues, Seen};
+use super::meeting::{Meeting, Memory, Order, OrderKind, Queues, Reservation, Seen};
+use super::requests::{Decision, Request, Reservations};
 
 /// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
 pub const COMMITTED: f64 = 4.0;
@@ -81,7 +81,7 @@ impl Meeting<'_> {
             let body = &self.bodies[traveller.body];
             let reach = reach(body.velocity);
             let passages = &traveller.course.passages[traveller.first_passage(body.length)..];
-            let near = passages.iter().take_while(|passage| passage.mouth - traveller.front <= reach);
+            let near = passages.iter().take_while(|passage| passage.entry_line - traveller.front <= reach);
             let mut numbers: Vec<usize> = near.flat_map(|passage| passage.junctions.iter().copied()).collect();
             if numbers.is_empty() {
                 continue;
@@ -103,9 +103,9 @@ impl Meeting<'_> {
 
     /// Orders of a group of travellers, as seen by an agent that sees these bodies; `None` for those that are asked nothing.
     fn arbitrate(&self, members: &[usize], seen: &Seen<'_>) -> Vec<Option<Order>> {
-        let mut booked = Bookings::default();
-        let mut claims: Vec<Claim<'_>> = Vec::new();
-        booked.add(self.visits.iter().filter(|visit| seen.has(visit.body)).copied());
+        let mut reservations = Reservations::default();
+        let mut requests: Vec<Request<'_>> = Vec::new();
+        reservations.add(self.visits.iter().filter(|visit| seen.has(visit.body)).copied());
         let mut orders: Vec<Option<Order>> = vec![None; members.len()];
         let present = || members.iter().enumerate().filter(|(_, index)| seen.has(self.travellers[**index].body));
         for (place, &index) in present() {
@@ -115,12 +115,12 @@ impl Meeting<'_> {
             for (number, passage) in traveller.course.passages.iter().enumerate().skip(first) {
                 // One that looks around a corner may come as near as the area.
                 let peeks = if traveller.unseen.is_empty() { 0.0 } else { MARGIN };
-                let ahead = passage.mouth + peeks - traveller.front;
+                let ahead = passage.entry_line + peeks - traveller.front;
                 if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
                     let is_near = ahead <= reach(body.velocity);
                     // Behind a line or a crosswalk that holds it there is time to ask.
-                    if is_near && traveller.line > passage.end && traveller.crosswalk > passage.mouth {
-                        claims.push(self.claim(index, number, seen));
+                    if is_near && traveller.line > passage.end && traveller.crosswalk > passage.entry_line {
+                        requests.push(self.request(index, number, seen));
                     }
                     break;
                 }
@@ -129,9 +129,9 @@ impl Meeting<'_> {
                 if memory.exception.is_some() && !self.has_room(index, passage, 0.0, seen).0 {
                     windows.iter_mut().for_each(|window| window.leave = f64::INFINITY);
                 }
-                booked.add(windows);
+                reservations.add(windows);
                 if traveller.front < passage.end {
-                    booked.reserve(passage, body.length);
+                    reservations.reserve(passage, body.length);
                 }
                 orders[place] = Some(Order {
                     id: body.id,
@@ -141,63 +141,70 @@ impl Meeting<'_> {
                 });
             }
         }
-        self.line_up(&mut claims, seen);
-        let edges = self.edges(&claims);
+        self.line_up(&mut requests, seen);
+        let edges = self.edges(&requests);
         for mut component in components(&edges) {
             component.sort_by_key(|index| {
-                let claim = &claims[*index];
-                let id = self.bodies[claim.body].id;
-                (!claim.is_sticky, claim.ticket.unwrap_or(i64::MAX), id)
+                let request = &requests[*index];
+                let id = self.bodies[request.body].id;
+                (!request.is_sticky, request.ticket.unwrap_or(i64::MAX), id)
             });
             component.retain(|&index| {
-                let (answer, links) = self.test(&claims, index, &booked, seen);
-                let is_granted = answer == Answer::GO;
+                let (decision, links) = self.test(&requests, index, &reservations, seen);
+                let is_granted = decision == Decision::GO;
                 if is_granted {
-                    self.grant(&mut claims, index, links, &mut booked, seen);
+                    self.grant(&mut requests, index, links, &mut reservations, seen);
                 } else {
-                    booked.add(self.next_turn(&claims[index], answer));
+                    reservations.add(self.next_turn(&requests[index], decision));
                 }
                 !is_granted
             });
             for index in component {
-                match self.test(&claims, index, &booked, seen) {
-                    (Answer::GO, links) => self.grant(&mut claims, index, links, &mut booked, seen),
-                    (answer, _) => {
-                        if answer.delay.is_finite() {
-                            booked.add(claims[index].windows.iter().map(|window| window.moved(answer.delay)));
+                match self.test(&requests, index, &reservations, seen) {
+                    (Decision::GO, links) => self.grant(&mut requests, index, links, &mut reservations, seen),
+                    (decision, _) => {
+                        if decision.delay.is_finite() {
+                            reservations.add(requests[index].windows.iter().map(|window| window.moved(decision.delay)));
                         }
-                        claims[index].answer = Some(answer);
+                        requests[index].decision = Some(decision);
                     }
                 }
             }
         }
-        for (index, claim) in claims.iter().enumerate() {
-            let place = members.iter().position(|member| *member == claim.traveller).expect("a member");
-            orders[place] = Some(self.order(&claims, index, &booked));
+        for (index, request) in requests.iter().enumerate() {
+            let place = members.iter().position(|member| *member == request.traveller).expect("a member");
+            orders[place] = Some(self.order(&requests, index, &reservations));
         }
         orders
     }
 
-    /// Books the windows of a claim and room behind them; those that it leaves before follow it.
-    fn grant(&self, claims: &mut [Claim<'_>], index: usize, links: Links, booked: &mut Bookings, seen: &Seen<'_>) {
-        let claim = &mut claims[index];
-        let stays = claim.has_exception && !self.has_room(claim.traveller, claim.passage, 0.0, seen).0;
-        let leave = |window: &Booking| if stays { f64::INFINITY } else { window.leave };
-        booked.add(claim.windows.iter().map(|window| Booking { leave: leave(window), ..*window }));
-        booked.reserve(claim.passage, self.bodies[claim.body].length);
-        claim.answer = Some(Answer::GO);
-        claim.follows.extend(links.before);
-        links.after.into_iter().for_each(|other| claims[other].follows.push(index));
+    /// Books the windows of a request and room behind them; those that it leaves before follow it.
+    fn grant(
+        &self,
+        requests: &mut [Request<'_>],
+        index: usize,
+        links: Links,
+        reservations: &mut Reservations,
+        seen: &Seen<'_>,
+    ) {
+        let request = &mut requests[index];
+        let stays = request.has_exception && !self.has_room(request.traveller, request.passage, 0.0, seen).0;
+        let leave = |window: &Reservation| if stays { f64::INFINITY } else { window.leave };
+        reservations.add(request.windows.iter().map(|window| Reservation { leave: leave(window), ..*window }));
+        reservations.reserve(request.passage, self.bodies[request.body].length);
+        request.decision = Some(Decision::GO);
+        request.follows.extend(links.before);
+        links.after.into_iter().for_each(|other| requests[other].follows.push(index));
     }
 
-    fn claim(&self, index: usize, number: usize, seen: &Seen<'_>) -> Claim<'_> {
+    fn request(&self, index: usize, number: usize, seen: &Seen<'_>) -> Request<'_> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
         let passage = &traveller.course.passages[number];
         let memory = traveller.memory_of(number);
-        let to_wait = passage.mouth - GAP - traveller.front;
+        let to_wait = passage.entry_line - GAP - traveller.front;
         let braking = 0.5 * body.velocity * body.velocity / COMFORTABLE_DECELERATION;
-        Claim {
+        Request {
             traveller: index,
             body: traveller.body,
             passage,
@@ -211,109 +218,118 @@ impl Meeting<'_> {
             is_sticky: memory.granted && to_wait <= braking + STICKY_REACH,
             windows: self.windows(index, passage, true, seen),
             follows: Vec::new(),
-            answer: None,
+            decision: None,
         }
     }
 
-    /// Finds the bodies ahead of each claim in its lane, and gives tickets to the first ones.
-    fn line_up(&self, claims: &mut [Claim<'_>], seen: &Seen<'_>) {
-        let by_body: BTreeMap<usize, usize> = claims.iter().enumerate().map(|(k, claim)| (claim.body, k)).collect();
-        for claim in claims.iter_mut() {
-            let traveller = &self.travellers[claim.traveller];
+    /// Finds the bodies ahead of each request in its lane, and gives tickets to the first ones.
+    fn line_up(&self, requests: &mut [Request<'_>], seen: &Seen<'_>) {
+        let by_body: BTreeMap<usize, usize> =
+            requests.iter().enumerate().map(|(k, request)| (request.body, k)).collect();
+        for request in requests.iter_mut() {
+            let traveller = &self.travellers[request.traveller];
             let (mut ahead, mut is_blocked, mut nearest) = (Vec::new(), false, (f64::INFINITY, usize::MAX));
-            // The mouth of one ahead that takes another way may be further on than the own one.
-            let mouth = claim.passage.mouth;
-            for other in seen.ahead(claim.traveller, traveller.front).take_while(|other| other.rear <= mouth) {
+            // The entry line of one ahead that takes another way may be further on than the own one.
+            let entry_line = request.passage.entry_line;
+            for other in seen.ahead(request.traveller, traveller.front).take_while(|other| other.rear <= entry_line) {
                 match by_body.get(&other.body) {
                     Some(other) => ahead.push(*other),
-                    None if other.front > mouth => continue,
+                    None if other.front > entry_line => continue,
                     None => is_blocked |= self.bodies[other.body].velocity < CRAWLING_SPEED,
                 }
                 if (other.front, other.body) < nearest {
                     nearest = (other.front, other.body);
-                    claim.leader = Some(other.body);
+                    request.leader = Some(other.body);
                 }
             }
             let velocity = self.bodies[traveller.body].velocity;
             let is_first = ahead.is_empty() && !is_blocked;
-            let to_wait = claim.passage.mouth - GAP - traveller.front;
+            let to_wait = request.passage.entry_line - GAP - traveller.front;
             if is_first && to_wait <= 0.5 * velocity * velocity / COMFORTABLE_DECELERATION + TICKET_REACH {
-                claim.ticket = claim.ticket.or(Some(self.time_step));
+                request.ticket = request.ticket.or(Some(self.time_step));
             }
-            claim.ahead = (!is_blocked).then_some(ahead);
+            request.ahead = (!is_blocked).then_some(ahead);
         }
     }
 
-    /// For every claim those that it waits for by precedence, and the last one ahead in its lane.
-    fn edges(&self, claims: &[Claim<'_>]) -> Vec<Vec<usize>> {
-        let waits = |claim: &Claim<'_>, other: &Claim<'_>| {
-            let own = &self.travellers[claim.traveller];
+    /// For every request those that it waits for by precedence, and the last one ahead in its lane.
+    fn edges(&self, requests: &[Request<'_>]) -> Vec<Vec<usize>> {
+        let waits = |request: &Request<'_>, other: &Request<'_>| {
+            let own = &self.travellers[request.traveller];
             let widths = own.width + self.travellers[other.traveller].width;
-            claim.passage.areas.iter().any(|crossed| {
+            request.passage.areas.iter().any(|crossed| {
                 let first = self.junctions.areas[crossed.area].first;
                 let goes_first = own.goes_first(Some(&self.travellers[other.traveller]), first == Some(crossed.side));
                 let meets = |their: &Crossed| their.area == crossed.area && their.side != crossed.side;
                 !goes_first && other.passage.areas.iter().any(meets) && conflict(self.junctions, crossed.area, widths)
             })
         };
-        let of = |(index, claim): (usize, &Claim<'_>)| {
-            let ahead = claim.ahead.as_deref().unwrap_or_default();
-            let others = claims.iter().enumerate();
-            let is_edge = |(other, their): &(usize, &Claim<'_>)| {
-                *other != index && (ahead.contains(other) || waits(claim, their))
+        let of = |(index, request): (usize, &Request<'_>)| {
+            let ahead = request.ahead.as_deref().unwrap_or_default();
+            let others = requests.iter().enumerate();
+            let is_edge = |(other, their): &(usize, &Request<'_>)| {
+                *other != index && (ahead.contains(other) || waits(request, their))
             };
             others.filter(is_edge).map(|(other, _)| other).collect()
         };
-        claims.iter().enumerate().map(of).collect()
+        requests.iter().enumerate().map(of).collect()
     }
 
-    /// Whether a claim can be granted now, and which others depend on it then.
-    fn test(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, seen: &Seen<'_>) -> (Answer, Links) {
-        let claim = &claims[index];
-        let traveller = &self.travellers[claim.traveller];
+    /// Whether a request can be granted now, and which others depend on it then.
+    fn test(
+        &self,
+        requests: &[Request<'_>],
+        index: usize,
+        reservations: &Reservations,
+        seen: &Seen<'_>,
+    ) -> (Decision, Links) {
+        let request = &requests[index];
+        let traveller = &self.travellers[request.traveller];
         let settings = traveller.settings;
-        if !claim.ahead.as_ref().is_some_and(|ahead| ahead.iter().all(|other| claims[*other].is_granted())) {
-            return (Answer::wait(OrderKind::Queue, claim.leader), Links::default());
+        if !request.ahead.as_ref().is_some_and(|ahead| ahead.iter().all(|other| requests[*other].is_granted())) {
+            return (Decision::wait(OrderKind::Queue, request.leader), Links::default());
         }
-        if settings.keep_clear && !claim.has_exception {
-            let (has_room, last) = self.has_room(claim.traveller, claim.passage, booked.reserved(claim.passage), seen);
+        if settings.keep_clear && !request.has_exception {
+            let (has_room, last) =
+                self.has_room(request.traveller, request.passage, reservations.reserved(request.passage), seen);
             if !has_room {
-                return (Answer::wait(OrderKind::Exit, last), Links::default());
+                return (Decision::wait(OrderKind::Exit, last), Links::default());
             }
         }
-        if !self.sees_through(claim) {
-            return (Answer::wait(OrderKind::Yield, None), Links::default());
+        if !self.sees_through(request) {
+            return (Decision::wait(OrderKind::Yield, None), Links::default());
         }
         let stood = traveller.memory.standing as f64 * self.dt;
         let patience = 1.0 - 0.5 * (stood / settings.impatience).min(1.0);
-        let extra = if traveller.turns_on_red { SIGN_LEAD } else { claim.passage.extra_lead };
+        let extra = if traveller.turns_on_red { SIGN_LEAD } else { request.passage.extra_lead };
         let mut lead = (settings.lead + extra) * patience;
         let mut lag = settings.lag;
-        if claim.is_sticky {
+        if request.is_sticky {
             (lead, lag) = (lead - STICKY_LEAD, lag - STICKY_LAG);
         }
-        match self.fit(claims, index, booked, (lead, lag)) {
-            (Answer::GO, _) if self.may_meet_unseen(claim, lead) => {
-                (Answer::wait(OrderKind::Unseen, None), Links::default())
+        match self.fit(requests, index, reservations, (lead, lag)) {
+            (Decision::GO, _) if self.may_meet_unseen(request, lead) => {
+                (Decision::wait(OrderKind::Unseen, None), Links::default())
             }
             found => found,
         }
     }
 
-    fn order(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings) -> Order {
-        let claim = &claims[index];
-        let traveller = &self.travellers[claim.traveller];
-        let answer = claim.answer.expect("every claim has been tested");
-        let gate = if claim.is_granted() { self.gate(claims, index, booked) } else { None };
-        let first = claim.windows.first().map_or(0.0, |window| window.enter);
-        let mouth = claim.passage.mouth;
-        let (kind, barrier) = match (answer, gate) {
-            (Answer::GO, None) => (OrderKind::Go, None),
-            (Answer::GO, Some((until, by))) => (OrderKind::Follow, Some((mouth, until, Some(by)))),
-            (Answer { kind: OrderKind::Unseen, .. }, _) => {
-                (OrderKind::Unseen, Some((mouth + PEEK, f64::INFINITY, None)))
+    fn order(&self, requests: &[Request<'_>], index: usize, reservations: &Reservations) -> Order {
+        let request = &requests[index];
+        let traveller = &self.travellers[request.traveller];
+        let decision = request.decision.expect("every request has been tested");
+        let earliest_entry =
+            if request.is_granted() { self.earliest_entry(requests, index, reservations) } else { None };
+        let first = request.windows.first().map_or(0.0, |window| window.enter);
+        let entry_line = request.passage.entry_line;
+        let (kind, barrier) = match (decision, earliest_entry) {
+            (Decision::GO, None) => (OrderKind::Go, None),
+            (Decision::GO, Some((until, by))) => (OrderKind::Follow, Some((entry_line, until, Some(by)))),
+            (Decision { kind: OrderKind::Unseen, .. }, _) => {
+                (OrderKind::Unseen, Some((entry_line + PEEK, f64::INFINITY, None)))
             }
-            (Answer { kind, by, delay }, _) => (kind, Some((mouth, first + delay, by))),
+            (Decision { kind, by, delay }, _) => (kind, Some((entry_line, first + delay, by))),
         };
         let of = |(s, until, by): (f64, f64, Option<usize>)| Barrier {
             s,
@@ -322,14 +338,14 @@ impl Meeting<'_> {
             by: by.map(|body| self.bodies[body].id),
         };
         Order {
-            id: self.bodies[claim.body].id,
+            id: self.bodies[request.body].id,
             kind,
             barrier: barrier.map(of),
             memory: Memory {
-                ticket: claim.ticket,
-                granted: claim.is_granted(),
-                peeking: self.peeking(claim, kind),
-                ..traveller.memory_of(claim.number)
+                ticket: request.ticket,
+                granted: request.is_granted(),
+                peeking: self.peeking(request, kind),
+                ..traveller.memory_of(request.number)
             },
         }
     }

@@ -5,7 +5,7 @@ use super::meeting::{Meeting, Order, OrderKind, Queues, Traveller};
 use crate::conduct::STANDSTILL_SPEED;
 
 /// One that stands this near behind another vehicle waits for it [m].
-const NEAR: f64 = 3.0;
+const NEAR_DISTANCE: f64 = 3.0;
 /// No second exception in the same circle within this time [s].
 const EXCEPTION_TIME: f64 = 10.0;
 
@@ -60,6 +60,6 @@ impl Meeting<'_> {
     fn leader(&self, index: usize, queues: &Queues) -> Option<usize> {
         let front = self.travellers[index].front;
         let nearest = queues.of(index).iter().find(|one| one.front > front);
-        nearest.filter(|one| one.rear - front < NEAR).map(|one| one.body)
+        nearest.filter(|one| one.rear - front < NEAR_DISTANCE).map(|one| one.body)
     }
 }

@@ -70,7 +70,7 @@ pub(super) struct Crossed {
 pub struct Passage {
     pub(super) areas: Vec<Crossed>,
     /// Arc length that the front does not pass before the vehicle may go [m].
-    pub mouth: f64,
+    pub entry_line: f64,
     /// Arc length from which on the rear is in none of the areas [m].
     pub end: f64,
     /// Speed in the passage [m/s], and before it.
@@ -140,20 +140,22 @@ impl Course {
             }
         }
         let passage = |(end, areas): (f64, Vec<Crossed>)| {
-            let (mouth, end) = (areas[0].entry - MARGIN, end + MARGIN);
+            let (entry_line, end) = (areas[0].entry - MARGIN, end + MARGIN);
             let at = |s: f64| limits.at(s).min(SPEED_MAX).min((lateral / path.curvature_at(s).abs()).sqrt());
-            let n = (end - mouth).ceil().max(1.0) as usize;
-            let speed = (0..=n).map(|i| at(mouth + i as f64 * (end - mouth) / n as f64)).fold(f64::INFINITY, f64::min);
+            let n = (end - entry_line).ceil().max(1.0) as usize;
+            let speed = (0..=n)
+                .map(|i| at(entry_line + i as f64 * (end - entry_line) / n as f64))
+                .fold(f64::INFINITY, f64::min);
             let waits = |crossed: &Crossed| junctions.areas[crossed.area].waits_for_a_sign(crossed.side);
             let mut numbers: Vec<usize> = areas.iter().map(|crossed| junctions.areas[crossed.area].junction).collect();
             numbers.sort_unstable();
             numbers.dedup();
             let station = stations.iter().find(|station| end <= station.end).or(stations.last());
             Passage {
-                mouth,
+                entry_line,
                 end,
                 speed,
-                approach: limits.at(mouth).min(SPEED_MAX),
+                approach: limits.at(entry_line).min(SPEED_MAX),
                 exit: station.map_or(usize::MAX, |station| station.piece.lanelet),
                 extra_lead: if areas.iter().any(waits) { SIGN_LEAD } else { 0.0 },
                 junctions: numbers,
@@ -169,10 +171,10 @@ impl Course {
         all.map(|crossed| (crossed.area, crossed.side, crossed.entry, crossed.exit))
     }
 
-    /// Areas, and the own side in each, that a front at an arc length [m] has not entered, of passages whose mouth is within
+    /// Areas, and the own side in each, that a front at an arc length [m] has not entered, of passages whose entry line is within
     /// reach [m].
     pub fn areas_ahead(&self, front: f64, reach: f64) -> impl Iterator<Item = (usize, usize)> {
-        let near = move |passage: &&Passage| passage.end > front && passage.mouth - front <= reach;
+        let near = move |passage: &&Passage| passage.end > front && passage.entry_line - front <= reach;
         let areas = self.passages.iter().filter(near).flat_map(|passage| &passage.areas);
         areas.filter(move |crossed| crossed.entry > front).map(|crossed| (crossed.area, crossed.side))
     }
@@ -180,7 +182,7 @@ impl Course {
     /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].
     pub fn is_near(&self, front: f64, velocity: f64, length: f64) -> bool {
         let reach = reach(velocity);
-        self.passages.iter().any(|passage| passage.end > front - length && passage.mouth - front <= reach)
+        self.passages.iter().any(|passage| passage.end > front - length && passage.entry_line - front <= reach)
     }
 
     /// Arc length on the path of a place on a lanelet [m], if the path leads over it, the first one from `from` on.

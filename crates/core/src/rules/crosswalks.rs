@@ -19,7 +19,7 @@ const BESIDE: f64 = 1.0;
 /// Who is slower than this stands, or walks along the road [m/s].
 const WALKING: f64 = 0.3;
 /// People this near to the lane count [m] ...
-const NEAR: f64 = 2.0;
+const NEAR_DISTANCE: f64 = 2.0;
 /// ... and those who reach it within this time [s].
 const AHEAD: f64 = 3.0;
 /// A bicycle uses the crosswalk if so much of its speed leads across the lane.
@@ -100,7 +100,7 @@ impl Crosswalk {
         }
         // Where they reach the lane, or where they left it.
         let time = outside / towards;
-        let is_near = outside <= NEAR || (time > 0.0 && (time <= AHEAD || self.is_on(person.position)));
+        let is_near = outside <= NEAR_DISTANCE || (time > 0.0 && (time <= AHEAD || self.is_on(person.position)));
         is_near && self.is_at(person.position + person.velocity * time)
     }
 

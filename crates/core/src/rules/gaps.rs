@@ -1,8 +1,8 @@
-//! Gaps between bookings: whether the windows of a claim fit in, and who has to leave before whom.
+//! Gaps between reservations: whether the windows of a request fit in, and who has to leave before whom.
 
-use super::claims::{Answer, Bookings, Claim};
 use super::course::{Passage, conflict};
-use super::meeting::{Booking, Meeting, OrderKind, Traveller, Yielding};
+use super::meeting::{Meeting, OrderKind, Reservation, Traveller, Yielding};
+use super::requests::{Decision, Request, Reservations};
 use super::room::ROOM;
 use crate::junctions::AreaKind;
 
@@ -24,48 +24,48 @@ pub(super) struct Links {
 }
 
 impl Meeting<'_> {
-    /// Whether the windows of a claim fit between the bookings of others, with time before (`lead`) and after those
-    /// (`lag`) [s]. Granted claims that follow can be held back, unless they go first or that makes a circle.
+    /// Whether the windows of a request fit between the reservations of others, with time before (`lead`) and after those
+    /// (`lag`) [s]. Granted requests that follow can be held back, unless they go first or that makes a circle.
     pub(super) fn fit(
         &self,
-        claims: &[Claim<'_>],
+        requests: &[Request<'_>],
         index: usize,
-        booked: &Bookings,
+        reservations: &Reservations,
         gaps: (f64, f64),
-    ) -> (Answer, Links) {
-        let links = self.links(claims, index, booked, gaps.1);
-        if !is_circular(claims, &links) {
-            return (self.fit_with(claims, index, booked, gaps, true), links);
+    ) -> (Decision, Links) {
+        let links = self.links(requests, index, reservations, gaps.1);
+        if !is_circular(requests, &links) {
+            return (self.fit_with(requests, index, reservations, gaps, true), links);
         }
-        (self.fit_with(claims, index, booked, gaps, false), Links { after: Vec::new(), ..links })
+        (self.fit_with(requests, index, reservations, gaps, false), Links { after: Vec::new(), ..links })
     }
 
     fn fit_with(
         &self,
-        claims: &[Claim<'_>],
+        requests: &[Request<'_>],
         index: usize,
-        booked: &Bookings,
+        reservations: &Reservations,
         gaps: (f64, f64),
         holds_back: bool,
-    ) -> Answer {
-        let traveller = &self.travellers[claims[index].traveller];
-        let mut answer = Answer::GO;
-        for (mine, theirs) in pairs(&claims[index], booked) {
+    ) -> Decision {
+        let traveller = &self.travellers[requests[index].traveller];
+        let mut decision = Decision::GO;
+        for (mine, theirs) in pairs(&requests[index], reservations) {
             let as_expected =
-                !self.other_goes_first(traveller, theirs) && (holds_back || granted(claims, theirs).is_none());
+                !self.other_goes_first(traveller, theirs) && (holds_back || granted(requests, theirs).is_none());
             let theirs = if as_expected { *theirs } else { theirs.at_the_earliest() };
             let delay = self.delay(traveller, mine, &theirs, gaps);
-            if delay > answer.delay {
-                answer = Answer { kind: OrderKind::Yield, by: Some(theirs.body), delay };
+            if delay > decision.delay {
+                decision = Decision { kind: OrderKind::Yield, by: Some(theirs.body), delay };
             }
         }
-        answer
+        decision
     }
 
     /// Another one goes first by precedence; no vehicle is held back for one that has to wait for it.
-    fn other_goes_first(&self, traveller: &Traveller<'_>, booking: &Booking) -> bool {
-        let first = self.junctions.areas[booking.area].first;
-        !traveller.goes_first(self.of_body(booking.body), first != Some(booking.side))
+    fn other_goes_first(&self, traveller: &Traveller<'_>, reservation: &Reservation) -> bool {
+        let first = self.junctions.areas[reservation.area].first;
+        !traveller.goes_first(self.of_body(reservation.body), first != Some(reservation.side))
     }
 
     fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
@@ -73,12 +73,12 @@ impl Meeting<'_> {
         Some(&self.travellers[place])
     }
 
-    /// Granted claims that a claim depends on if it fits in.
-    fn links(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings, lag: f64) -> Links {
-        let traveller = &self.travellers[claims[index].traveller];
+    /// Granted requests that a request depends on if it fits in.
+    fn links(&self, requests: &[Request<'_>], index: usize, reservations: &Reservations, lag: f64) -> Links {
+        let traveller = &self.travellers[requests[index].traveller];
         let mut links = Links::default();
-        for (mine, theirs) in pairs(&claims[index], booked) {
-            let Some(other) = granted(claims, theirs) else { continue };
+        for (mine, theirs) in pairs(&requests[index], reservations) {
+            let Some(other) = granted(requests, theirs) else { continue };
             if theirs.enter <= mine.enter {
                 if self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, lag)) > 0.0 {
                     links.before.push(other);
@@ -92,15 +92,21 @@ impl Meeting<'_> {
         links
     }
 
-    /// How much later an agent has to come because of a booking [s].
-    fn delay(&self, traveller: &Traveller<'_>, mine: &Booking, theirs: &Booking, (lead, lag): (f64, f64)) -> f64 {
+    /// How much later an agent has to come because of a reservation [s].
+    fn delay(
+        &self,
+        traveller: &Traveller<'_>,
+        mine: &Reservation,
+        theirs: &Reservation,
+        (lead, lag): (f64, f64),
+    ) -> f64 {
         let area = &self.junctions.areas[mine.area];
         let other = self.of_body(theirs.body);
         let width = other.map_or(CAR_WIDTH, |other| other.width);
         if area.kind == AreaKind::Opposed && !conflict(self.junctions, mine.area, traveller.width + width) {
             return 0.0;
         }
-        let [velocity, their_velocity] = [mine, theirs].map(|booking| self.bodies[booking.body].velocity);
+        let [velocity, their_velocity] = [mine, theirs].map(|reservation| self.bodies[reservation.body].velocity);
         let merges = area.kind == AreaKind::Merge;
         let lead =
             if merges { lead + catching_up(slowed(traveller, mine.area, velocity), their_velocity) } else { lead };
@@ -115,22 +121,27 @@ impl Meeting<'_> {
         theirs.leave + lag - mine.enter
     }
 
-    /// When a granted claim may pass its mouth, because those that go before it have left then [s], and the last of these.
-    pub(super) fn gate(&self, claims: &[Claim<'_>], index: usize, booked: &Bookings) -> Option<(f64, usize)> {
-        let claim = &claims[index];
-        let traveller = &self.travellers[claim.traveller];
-        let arrival = traveller.arrival(claim.passage, &self.bodies[claim.body]);
-        let mut gate: Option<(f64, usize)> = None;
-        for (mine, theirs) in pairs(claim, booked).filter(|(mine, theirs)| theirs.enter <= mine.enter) {
-            if theirs.is_claim && !claim.follows.iter().any(|other| claims[*other].body == theirs.body) {
+    /// When a granted request may pass its entry line, because those that go before it have left then [s], and the last of these.
+    pub(super) fn earliest_entry(
+        &self,
+        requests: &[Request<'_>],
+        index: usize,
+        reservations: &Reservations,
+    ) -> Option<(f64, usize)> {
+        let request = &requests[index];
+        let traveller = &self.travellers[request.traveller];
+        let arrival = traveller.arrival(request.passage, &self.bodies[request.body]);
+        let mut earliest_entry: Option<(f64, usize)> = None;
+        for (mine, theirs) in pairs(request, reservations).filter(|(mine, theirs)| theirs.enter <= mine.enter) {
+            if theirs.is_request && !request.follows.iter().any(|other| requests[*other].body == theirs.body) {
                 continue;
             }
             let delay = self.delay(traveller, &mine.at_the_earliest(), theirs, (0.0, traveller.settings.lag));
-            if delay > 0.0 && gate.is_none_or(|(release, _)| arrival + delay > release) {
-                gate = Some((arrival + delay, theirs.body));
+            if delay > 0.0 && earliest_entry.is_none_or(|(release, _)| arrival + delay > release) {
+                earliest_entry = Some((arrival + delay, theirs.body));
             }
         }
-        gate
+        earliest_entry
     }
 }
 
@@ -145,38 +156,41 @@ pub(super) fn catching_up(ahead: f64, velocity: f64) -> f64 {
     if velocity > ahead { 0.5 * (velocity - ahead).powi(2) / (CATCHING_UP * velocity) } else { 0.0 }
 }
 
-/// Windows of a claim, and bookings of others on the other side of the same areas.
-fn pairs<'a>(claim: &'a Claim<'_>, booked: &'a Bookings) -> impl Iterator<Item = (&'a Booking, &'a Booking)> {
-    let with_others = |mine: &'a Booking| {
-        let counts = |theirs: &&Booking| theirs.side != mine.side && theirs.body != mine.body;
-        let waits = |theirs: &Booking| match theirs.yielding {
+/// Windows of a request, and reservations of others on the other side of the same areas.
+fn pairs<'a>(
+    request: &'a Request<'_>,
+    reservations: &'a Reservations,
+) -> impl Iterator<Item = (&'a Reservation, &'a Reservation)> {
+    let with_others = |mine: &'a Reservation| {
+        let counts = |theirs: &&Reservation| theirs.side != mine.side && theirs.body != mine.body;
+        let waits = |theirs: &Reservation| match theirs.yielding {
             Yielding::No => false,
-            Yielding::IfTrusted => claim.trusts && !claim.turns_on_red,
-            Yielding::Yes => !claim.turns_on_red,
+            Yielding::IfTrusted => request.trusts && !request.turns_on_red,
+            Yielding::Yes => !request.turns_on_red,
         };
-        let others = booked.of(mine.area).filter(counts).filter(move |theirs| !waits(theirs));
+        let others = reservations.of(mine.area).filter(counts).filter(move |theirs| !waits(theirs));
         others.map(move |theirs| (mine, theirs))
     };
-    claim.windows.iter().flat_map(with_others)
+    request.windows.iter().flat_map(with_others)
 }
 
-/// The granted claim whose booking it is.
-fn granted(claims: &[Claim<'_>], booking: &Booking) -> Option<usize> {
-    let place = || claims.iter().position(|claim| claim.body == booking.body && claim.is_granted());
-    if booking.is_claim { place() } else { None }
+/// The granted request whose reservation it is.
+fn granted(requests: &[Request<'_>], reservation: &Reservation) -> Option<usize> {
+    let place = || requests.iter().position(|request| request.body == reservation.body && request.is_granted());
+    if reservation.is_request { place() } else { None }
 }
 
-/// One that would be held back until a claim has left would have to leave before it.
-fn is_circular(claims: &[Claim<'_>], links: &Links) -> bool {
+/// One that would be held back until a request has left would have to leave before it.
+fn is_circular(requests: &[Request<'_>], links: &Links) -> bool {
     let mut reached = links.before.clone();
     let mut next = 0;
     while next < reached.len() {
-        for &other in &claims[reached[next]].follows {
+        for &other in &requests[reached[next]].follows {
             if !reached.contains(&other) {
                 reached.push(other);
             }
         }
         next += 1;
     }
-    reached.iter().any(|claim| links.after.contains(claim))
+    reached.iter().any(|request| links.after.contains(request))
 }

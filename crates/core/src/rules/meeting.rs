@@ -11,7 +11,7 @@ use crate::junctions::Junctions;
 pub enum OrderKind {
     /// Enter.
     Go = 0,
-    /// Wait: another participant has booked one of the areas.
+    /// Wait: another participant has reserved one of the areas.
     Yield = 1,
     /// Wait: behind the passage there is no room to leave it.
     Exit = 2,
@@ -134,7 +134,7 @@ pub struct Body {
 
 /// When a participant uses a side of an area [s from now].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Booking {
+pub struct Reservation {
     /// Position in `Junctions::areas`.
     pub area: usize,
     /// The side.
@@ -148,7 +148,7 @@ pub struct Booking {
     /// The participant, as a position in `Meeting::bodies`.
     pub body: usize,
     /// It can still be held back.
-    pub is_claim: bool,
+    pub is_request: bool,
     /// Whether it waits for those that go first by the map.
     pub yielding: Yielding,
 }
@@ -164,7 +164,7 @@ pub enum Yielding {
     Yes,
 }
 
-impl Booking {
+impl Reservation {
     /// As soon as it can come.
     pub(super) fn at_the_earliest(&self) -> Self {
         Self { enter: self.earliest, ..*self }
@@ -189,8 +189,8 @@ pub struct Meeting<'a> {
     pub bodies: &'a [Body],
     /// Those that obey, by ids.
     pub travellers: &'a [Traveller<'a>],
-    /// What others have booked.
-    pub visits: &'a [Booking],
+    /// What others have reserved.
+    pub visits: &'a [Reservation],
 }
 
 impl Traveller<'_> {

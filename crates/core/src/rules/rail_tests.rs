@@ -223,7 +223,7 @@ impl<'a> World<'a> {
         let course = &self.routes[vehicle.route].1;
         let mut target = (vehicle.velocity + 2.0 * DT).min(LIMIT);
         for passage in course.passages.iter().filter(|passage| vehicle.front < passage.end) {
-            let ahead = (passage.mouth - vehicle.front).max(0.0);
+            let ahead = (passage.entry_line - vehicle.front).max(0.0);
             target = target.min((passage.speed.powi(2) + 6.0 * ahead).sqrt());
         }
         for body in bodies.iter().filter(|body| body.id != vehicle.id) {
@@ -385,7 +385,7 @@ fn jammed_grids_dissolve() {
 struct Ring {
     n_left: usize,
     n_overlaps: usize,
-    /// The largest distance of a front beyond the first mouth on its way [m], as long as all are there.
+    /// The largest distance of a front beyond the first entry line on its way [m], as long as all are there.
     beyond: f64,
     /// Who was the first to get an exception, and when [s].
     first_exception: Option<(i64, f64)>,
@@ -408,7 +408,7 @@ fn ring(circle_after: f64) -> Ring {
         for place in 0..3 {
             world.add(ids.clone(), 5.0, 0.0, 0.0);
             let vehicle = world.vehicles.last_mut().expect("it was added");
-            vehicle.front = world.routes[vehicle.route].1.passages[0].mouth - 0.5 - 6.0 * f64::from(place);
+            vehicle.front = world.routes[vehicle.route].1.passages[0].entry_line - 0.5 - 6.0 * f64::from(place);
         }
     }
     let (mut beyond, mut first_exception) = (f64::NEG_INFINITY, None);
@@ -416,7 +416,7 @@ fn ring(circle_after: f64) -> Ring {
         world.step();
         for vehicle in &world.vehicles {
             if world.n_left() == world.vehicles.len() {
-                beyond = beyond.max(vehicle.front - world.routes[vehicle.route].1.passages[0].mouth);
+                beyond = beyond.max(vehicle.front - world.routes[vehicle.route].1.passages[0].entry_line);
             }
             let exception = vehicle.memory.exception.map(|since| (vehicle.id, since as f64 * DT));
             first_exception = first_exception.or(exception);

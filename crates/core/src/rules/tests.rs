@@ -78,17 +78,20 @@ fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_
     let light = scenario(&[(100, Signal::Green), (30, Signal::Yellow), (500, Signal::Red)], false);
     let settings = RulesSettings::default();
     let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &light, &settings);
-    let at = |time_step: i64, stop: Stop| {
+    let at = |time_step: i64, stop: LineMemory| {
         let passing = stop.passing();
         Rules { control: &light.control, settings: &settings, way: &way, time_step, passing, ..Rules::default() }
     };
     // 14² / (2 · 27 m) = 3.63 m/s²: it goes on, and slows down for something else.
-    let near = Stop::default().looking(&at(100, Stop::default()), &way, 73.0, 14.0);
+    let near = LineMemory::default().looking(&at(100, LineMemory::default()), &way, 73.0, 14.0);
     assert_eq!(near.passing(), Some(0));
     // One that could have stopped, and is faster a step later, does not become too near.
-    assert_eq!(Stop::default().looking(&at(101, Stop::default()), &way, 73.0, 14.0).passing(), None);
+    assert_eq!(LineMemory::default().looking(&at(101, LineMemory::default()), &way, 73.0, 14.0).passing(), None);
     // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
-    assert!(at(112, Stop::default()).barriers(&way, 88.0, 12.0).nearest().is_finite(), "without memory it brakes hard");
+    assert!(
+        at(112, LineMemory::default()).barriers(&way, 88.0, 12.0).nearest().is_finite(),
+        "without memory it brakes hard"
+    );
     assert!(at(112, near).barriers(&way, 88.0, 12.0).nearest().is_infinite());
     // 5 m/s, 5 m before it: 2.5 m/s².
     assert!(at(118, near).barriers(&way, 95.0, 5.0).nearest().is_finite(), "it can stop");
@@ -103,7 +106,7 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     let settings = RulesSettings::default();
     let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, &settings);
     let control = &scenario.control;
-    let mut sign = Stop::default();
+    let mut sign = LineMemory::default();
     let mut held = 0;
     for _ in 0..30 {
         let rules =
@@ -117,10 +120,10 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     assert_eq!(held, 10, "one second of standing");
     // Not before the line, but too far away; and not standing.
     for (front, velocity) in [(97.0, 0.0), (99.0, 0.5)] {
-        let far = (0..30).fold(Stop::default(), |sign, _| sign.after(control, &way, front, velocity));
+        let far = (0..30).fold(LineMemory::default(), |sign, _| sign.after(control, &way, front, velocity));
         assert_eq!(far.served(&settings, 0.1), None, "{front} {velocity}");
     }
-    assert_eq!(sign.after(control, &way, 100.2, 3.0), Stop::default(), "behind the line it is forgotten");
+    assert_eq!(sign.after(control, &way, 100.2, 3.0), LineMemory::default(), "behind the line it is forgotten");
 }
 
 #[test]
@@ -130,7 +133,7 @@ fn a_right_turn_on_red_waits_as_long_as_a_stop_sign_and_goes_last_until_it_is_be
     let after = |settings: &RulesSettings, time_step: i64, standing: usize, front: f64| {
         let way = Way::along(&path(), &[0, 1].map(PathPiece::whole), &scenario, settings);
         let control = &scenario.control;
-        let stood = (0..standing).fold(Stop::default(), |stop, _| stop.after(control, &way, 99.0, 0.0));
+        let stood = (0..standing).fold(LineMemory::default(), |stop, _| stop.after(control, &way, 99.0, 0.0));
         let served = stood.served(settings, 0.1);
         let rules = Rules { control, settings, way: &way, time_step, served, ..Rules::default() };
         (rules.barriers(&way, front, 0.0).nearest().is_finite(), rules.turns_on_red(&way, front))

@@ -1,20 +1,20 @@
 //! When a vehicle uses the areas of its passage.
 
 use super::course::{Crossed, MARGIN, Passage};
-use super::meeting::{Ahead, Body, Booking, Meeting, Seen, Traveller, Yielding};
+use super::meeting::{Ahead, Body, Meeting, Reservation, Seen, Traveller, Yielding};
 use super::room::ROOM;
 use crate::conduct::STANDSTILL_SPEED;
 use crate::junctions::Junctions;
 
 /// Acceleration of the earliest entry that a vehicle is capable of in traffic [m/s²].
-pub(crate) const EARLY: f64 = 2.0;
+pub(crate) const EARLY_ACCELERATION: f64 = 2.0;
 /// Others expect that it keeps its speed, or accelerates so [m/s²] up to this speed [m/s]; if it is faster, it is told not
 /// to arrive before they have left. One that goes first is not held back, so it may become faster, by so much [m/s].
-const EXPECTED: f64 = 1.0;
+const EXPECTED_ACCELERATION: f64 = 1.0;
 const EXPECTED_SPEED: f64 = 3.0;
-const GAIN: f64 = 2.0;
+const EXPECTED_GAIN: f64 = 2.0;
 /// Acceleration of a late exit [m/s²], and the share of the speed there.
-pub(crate) const LATE: f64 = 1.5;
+pub(crate) const LATE_ACCELERATION: f64 = 1.5;
 const SLOW: f64 = 0.9;
 /// A vehicle that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
@@ -39,8 +39,8 @@ pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, accelerati
 }
 
 impl Traveller<'_> {
-    /// When it uses the areas of a passage that its rear has not left. One that can still stop before them claims them.
-    fn windows(&self, passage: &Passage, body: &Body, is_claim: bool, junctions: &Junctions) -> Vec<Booking> {
+    /// When it uses the areas of a passage that its rear has not left. One that can still stop before them requests them.
+    fn windows(&self, passage: &Passage, body: &Body, is_request: bool, junctions: &Junctions) -> Vec<Reservation> {
         let (velocity, front) = (body.velocity, self.front);
         let early = largest(passage, velocity);
         let expected = velocity.max(early.min(EXPECTED_SPEED));
@@ -49,31 +49,35 @@ impl Traveller<'_> {
         let window = |crossed: &Crossed| {
             let (ahead, leaves) = (crossed.entry - MARGIN - front, crossed.exit + behind + body.length - front);
             let goes_first =
-                is_claim && !self.turns_on_red && junctions.areas[crossed.area].first == Some(crossed.side);
+                is_request && !self.turns_on_red && junctions.areas[crossed.area].first == Some(crossed.side);
             let earliest = if goes_first {
                 // One that starts or creeps will become faster.
-                let most = if velocity > EXPECTED_SPEED { velocity + GAIN } else { f64::INFINITY };
-                travel_time(ahead, velocity, early.min(most), EXPECTED)
+                let most = if velocity > EXPECTED_SPEED { velocity + EXPECTED_GAIN } else { f64::INFINITY };
+                travel_time(ahead, velocity, early.min(most), EXPECTED_ACCELERATION)
             } else {
-                travel_time(ahead, velocity, early, EARLY)
+                travel_time(ahead, velocity, early, EARLY_ACCELERATION)
             };
-            (leaves > 0.0).then(|| Booking {
+            (leaves > 0.0).then(|| Reservation {
                 area: crossed.area,
                 side: crossed.side,
-                enter: if is_claim { travel_time(ahead, velocity, expected, EXPECTED) } else { earliest },
+                enter: if is_request {
+                    travel_time(ahead, velocity, expected, EXPECTED_ACCELERATION)
+                } else {
+                    earliest
+                },
                 earliest,
-                leave: travel_time(leaves, velocity, late, LATE),
+                leave: travel_time(leaves, velocity, late, LATE_ACCELERATION),
                 body: self.body,
-                is_claim,
+                is_request,
                 yielding: Yielding::No,
             })
         };
         passage.areas.iter().filter_map(window).collect()
     }
 
-    /// Time until it can be at the mouth [s].
+    /// Time until it can be at the entry line [s].
     pub(super) fn arrival(&self, passage: &Passage, body: &Body) -> f64 {
-        travel_time(passage.mouth - self.front, body.velocity, largest(passage, body.velocity), EARLY)
+        travel_time(passage.entry_line - self.front, body.velocity, largest(passage, body.velocity), EARLY_ACCELERATION)
     }
 }
 
@@ -85,10 +89,16 @@ fn largest(passage: &Passage, velocity: f64) -> f64 {
 impl Meeting<'_> {
     /// When a traveller uses the areas of a passage, as seen by an agent that sees these bodies. It does not leave them
     /// before the one ahead has made room.
-    pub(super) fn windows(&self, index: usize, passage: &Passage, is_claim: bool, seen: &Seen<'_>) -> Vec<Booking> {
+    pub(super) fn windows(
+        &self,
+        index: usize,
+        passage: &Passage,
+        is_request: bool,
+        seen: &Seen<'_>,
+    ) -> Vec<Reservation> {
         let traveller = &self.travellers[index];
         let body = &self.bodies[traveller.body];
-        let mut windows = traveller.windows(passage, body, is_claim, self.junctions);
+        let mut windows = traveller.windows(passage, body, is_request, self.junctions);
         let Some(&Ahead { rear, body: leader, .. }) = seen.ahead(index, traveller.front).next() else { return windows };
         let speed = self.bodies[leader].velocity.max(LEADER_SPEED);
         for window in &mut windows {

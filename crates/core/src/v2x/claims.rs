@@ -183,11 +183,11 @@ impl Standpoint {
         let contested = first.iter().filter(|zone| zone.is_contested(has_held) && !self.passes.contains(&zone.id));
         let mut stop = Zone::barrier(agent, contested);
         let ahead = zones.iter().map(|zone| zone.passage).filter(|passage| !is_passed(passage.0));
-        if let Some((mouth, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
-            && stop.is_none_or(|stop| mouth <= stop.s)
-            && lane.is_blocked(mouth.max(agent.front), exit + agent.extent.0 + ROOM)
+        if let Some((entry_line, exit)) = ahead.min_by(|a, b| a.0.total_cmp(&b.0))
+            && stop.is_none_or(|stop| entry_line <= stop.s)
+            && lane.is_blocked(entry_line.max(agent.front), exit + agent.extent.0 + ROOM)
         {
-            stop = Some(Barrier::lasting(mouth, BarrierReason::Agreement));
+            stop = Some(Barrier::lasting(entry_line, BarrierReason::Agreement));
             if self.passes.is_empty() {
                 self.claim = None;
             }

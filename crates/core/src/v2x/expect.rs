@@ -51,7 +51,7 @@ pub struct Extra {
 
 /// What all agents expect and know at a time step.
 #[derive(Debug, Clone)]
-pub struct Expectations {
+pub struct SharedPredictions {
     /// One row for each participant present, as the predictor says, then one for each of `extras`.
     pub table: Arc<Predictions>,
     /// Additional rows.
@@ -60,7 +60,7 @@ pub struct Expectations {
     pub known: BTreeMap<i64, Vec<Known>>,
 }
 
-impl Expectations {
+impl SharedPredictions {
     /// Number of participants present.
     pub fn n_present(&self) -> usize {
         self.table.ids.len() - self.extras.len()
@@ -121,7 +121,7 @@ impl Network {
         table: &Predictions,
         observers: &[Observer<'_>],
         visible: &[&[usize]],
-    ) -> Expectations {
+    ) -> SharedPredictions {
         let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
         let senders: Vec<Option<usize>> = ids.iter().map(|id| self.place(*id)).collect();
         let mut more = Additional { plans: vec![Vec::new(); self.ids().len()], ..Additional::default() };
@@ -146,7 +146,7 @@ impl Network {
                 }
             }
         }
-        Expectations { table: Arc::new(all), extras: more.extras, known }
+        SharedPredictions { table: Arc::new(all), extras: more.extras, known }
     }
 
     /// What an agent knows, sorted by id. `visible` are places among those present, `ids` their ids, `senders` their

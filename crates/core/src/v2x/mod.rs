@@ -23,7 +23,7 @@ pub use claims::{Agreement, Bar};
 pub(crate) use claims::{Crossing, Negotiator, Neighbour};
 pub use draw::{equipped, uniform};
 pub(crate) use expect::Observer;
-pub use expect::{Expectations, Extra};
+pub use expect::{Extra, SharedPredictions};
 pub use know::{Known, Via};
 pub use log::{Log, Logged, Row};
 pub use message::{Claim, Message, Object, Payload, PlanPoint, Service, Status};

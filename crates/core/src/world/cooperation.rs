@@ -12,7 +12,7 @@ use crate::rules::Course;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
-    self, Agreement, Crossing, Expectations, Log, Negotiator, Neighbour, Network, Object, Observer, Speaker,
+    self, Agreement, Crossing, Log, Negotiator, Neighbour, Network, Object, Observer, SharedPredictions, Speaker,
 };
 
 /// Past time steps from which speeds are observed.
@@ -71,7 +71,7 @@ impl World {
     ///
     /// # Errors
     /// `WrongTimeStep` if scene or predictions are not of now.
-    pub(super) fn with_messages(&self, scene: &Scene, predictions: &Predictions) -> Result<Option<Expectations>> {
+    pub(super) fn with_messages(&self, scene: &Scene, predictions: &Predictions) -> Result<Option<SharedPredictions>> {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;
@@ -80,7 +80,7 @@ impl World {
         let mut observers = Vec::with_capacity(found.len());
         for &(place, drive) in &found {
             let Agent { id, view, planner, .. } = &*drive.agent;
-            let needs_bar = !planner.knows_holds();
+            let needs_bar = !planner.heeds_barriers();
             observers.push(Observer { id: *id, place, row: drive.row, view, needs_bar });
         }
         let table = completed(predictions, scene);

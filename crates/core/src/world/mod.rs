@@ -30,7 +30,7 @@ use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::route::Route;
-use crate::rules::{Course, Memory, Order, RulesSettings, SpeedLimits, Stop, Way};
+use crate::rules::{Course, LineMemory, Memory, Order, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
@@ -113,7 +113,7 @@ struct Drive {
     /// What it remembers of the next ones.
     memory: Memory,
     /// What it remembers of the lines ahead.
-    stop: Stop,
+    stop: LineMemory,
     /// The crosswalk on its way before which it was told to wait at the last step.
     crosswalk: Option<usize>,
     /// Row among the participants.

@@ -9,7 +9,7 @@ use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::rules::{
-    Body, Booking, Course, Meeting, Memory, Order, Place, RulesSettings, Traveller, Turning, Way, Yielding,
+    Body, Course, Meeting, Memory, Order, Place, Reservation, RulesSettings, Traveller, Turning, Way, Yielding,
 };
 use crate::scenario::Scenario;
 use crate::scene::Scene;
@@ -35,7 +35,7 @@ const PAST: usize = 4;
 
 /// The planner of an agent does what the rules say.
 fn obeys(planner: &Planner, rules: &RulesSettings) -> bool {
-    rules.enabled && rules.precedence && (planner.knows_holds() || *planner == Planner::External)
+    rules.enabled && rules.precedence && (planner.heeds_barriers() || *planner == Planner::External)
 }
 
 /// What arbitration knows about the way of an agent; empty if it does not obey.
@@ -50,7 +50,7 @@ pub(super) fn course(agent: &Agent, scenario: &Scenario, way: &Way) -> Course {
 impl World {
     /// Orders of the agents that are near a junction now, by ids; a pure function of the present state.
     pub fn orders(&self) -> &[Order] {
-        self.orders.get_or_init(|| if self.has_passages { self.arbitrate() } else { Vec::new() })
+        self.orders.get_or_init(|| if self.has_passages { self.orders_now() } else { Vec::new() })
     }
 
     /// Ids of the agents that enter junctions when they are told to.
@@ -107,9 +107,9 @@ impl World {
         for (order, barrier) in self.orders().iter().filter_map(|order| Some((order, order.barrier?))) {
             let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
             let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
-            let mouth = drive.agent.route.path.at(barrier.s);
+            let entry_line = drive.agent.route.path.at(barrier.s);
             let waiting = Waiting {
-                line: Pose { position: mouth.position, orientation: mouth.theta },
+                line: Pose { position: entry_line.position, orientation: entry_line.theta },
                 release: barrier.until,
                 to_front: 0.5 * drive.agent.vehicle.length,
             };
@@ -118,7 +118,7 @@ impl World {
         found
     }
 
-    fn arbitrate(&self) -> Vec<Order> {
+    fn orders_now(&self) -> Vec<Order> {
         let driving = || self.drives.iter().filter(|drive| drive.is_driving(self.time_step));
         let is_near = |drive: &Drive| {
             let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity);
@@ -216,7 +216,7 @@ impl World {
         start: &LaneMatch,
         (velocity, length): (f64, f64),
         (body, turning): (usize, Option<&Turning>),
-        visits: &mut Vec<Booking>,
+        visits: &mut Vec<Reservation>,
     ) {
         let junctions = self.scenario.junctions();
         let road = &self.scenario.road;
@@ -259,8 +259,16 @@ impl World {
                     let enter = if is_inside { 0.0 } else { entry / velocity };
                     let leave =
                         if velocity < STATIONARY_SPEED { LEAVING } else { (exit + length) / (SLOWER * velocity) };
-                    let visit =
-                        Booking { area: index, side, enter, earliest: enter, leave, body, is_claim: false, yielding };
+                    let visit = Reservation {
+                        area: index,
+                        side,
+                        enter,
+                        earliest: enter,
+                        leave,
+                        body,
+                        is_request: false,
+                        yielding,
+                    };
                     match known {
                         Some(known) => visits[known] = visit,
                         None => visits.push(visit),

@@ -72,7 +72,7 @@ impl World {
     fn look_for_people(&self) -> Vec<CrosswalkWait> {
         let is_near = |drive: &&Drive| {
             let planner = &drive.agent.planner;
-            let obeys = planner.knows_holds() || *planner == Planner::External;
+            let obeys = planner.heeds_barriers() || *planner == Planner::External;
             obeys && drive.is_driving(self.time_step) && self.crosswalks_near(drive).next().is_some()
         };
         let near: Vec<&Drive> = self.drives.iter().filter(is_near).collect();

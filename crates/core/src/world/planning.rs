@@ -15,7 +15,7 @@ use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions, Trajectory};
-use crate::v2x::{Expectations, Extra, Known};
+use crate::v2x::{Extra, Known, SharedPredictions};
 use crate::vehicle::single_track::Moved;
 
 impl World {
@@ -228,7 +228,7 @@ struct Crowd<'a> {
     /// One per row of the predictions.
     positions: Vec<Point>,
     all: Vec<Other<'a>>,
-    told: Option<&'a Expectations>,
+    told: Option<&'a SharedPredictions>,
 }
 
 impl<'a> Crowd<'a> {
@@ -266,7 +266,7 @@ impl<'a> Crowd<'a> {
         others.extend(visible.iter().map(|place| self.all[*place]));
     }
 
-    fn other(&self, known: &Known, told: &'a Expectations) -> Other<'a> {
+    fn other(&self, known: &Known, told: &'a SharedPredictions) -> Other<'a> {
         if let Some(place) = known.seen {
             return Other { row: known.row, ..self.all[place] };
         }

@@ -10,7 +10,7 @@ use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_ste
 use crate::plan::Prepared;
 use crate::predict;
 use crate::recording::{Outcome, Recording};
-use crate::rules::{Course, Memory, Stop, Way};
+use crate::rules::{Course, LineMemory, Memory, Way};
 use crate::scenario::Scenario;
 use crate::scene::{Participants, Storeys};
 
@@ -118,7 +118,7 @@ impl World {
             way: Arc::clone(&staged.way),
             course: Arc::clone(&staged.course),
             memory: Memory::default(),
-            stop: Stop::default(),
+            stop: LineMemory::default(),
             crosswalk: None,
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::predict::Predictor;
 use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions};
-use crate::v2x::Expectations;
+use crate::v2x::SharedPredictions;
 
 /// Who predicts.
 #[derive(Debug, Clone, Copy)]
@@ -26,7 +26,7 @@ pub struct Expected {
     /// By the predictor and by the rules: vehicles take the ways that they show, and wait where they were told to.
     pub predictions: Arc<Predictions>,
     /// The same with what agents with V2X were told; `None` if none has V2X.
-    pub told: Option<Arc<Expectations>>,
+    pub told: Option<Arc<SharedPredictions>>,
 }
 
 /// A step that has begun.

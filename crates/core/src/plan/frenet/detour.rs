@@ -5,7 +5,7 @@ use super::super::frame::Start;
 use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
 use super::passing::{CLEARANCES, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::conduct::STATIONARY_SPEED;
-use crate::rules::{EARLY, travel_time};
+use crate::rules::{EARLY_ACCELERATION, travel_time};
 
 /// Least time between leaving the oncoming lane and the next oncoming vehicle [s]; less if the agent is already on its
 /// way.
@@ -111,7 +111,7 @@ impl Detour {
         let swing = 0.5 * reach(start);
         let (from, to) = (self.rear - swing, self.front + swing);
         let largest = start.velocity.max(SPEED);
-        let enter = travel_time(from - front, start.velocity, largest, EARLY);
+        let enter = travel_time(from - front, start.velocity, largest, EARLY_ACCELERATION);
         let leave = travel_time(to + vehicle.length - front, start.velocity, largest, ACCELERATION);
         let room = to + vehicle.length;
         let is_held =

@@ -7,7 +7,7 @@ use super::{CLAIM_DISTANCE, Negotiator, ROOM, Situation, plans};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::geometry::Point;
-use crate::rules::{EARLY, LATE, STICKY_LAG, STICKY_LEAD, travel_time};
+use crate::rules::{EARLY_ACCELERATION, LATE_ACCELERATION, STICKY_LAG, STICKY_LEAD, travel_time};
 use crate::v2x::inbox::Inbox;
 use crate::v2x::message::{Claim, Payload, PlanPoint};
 use crate::v2x::trigger::interpolated;
@@ -76,7 +76,7 @@ impl Window {
     /// [m/s].
     pub(super) fn of((to_enter, to_leave): (f64, f64), velocity: f64) -> Self {
         let time = |distance, acceleration| travel_time(distance, velocity, PASSING.max(velocity), acceleration);
-        Self { enter: time(to_enter, EARLY), leave: time(to_leave, LATE) }
+        Self { enter: time(to_enter, EARLY_ACCELERATION), leave: time(to_leave, LATE_ACCELERATION) }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::*;
 use crate::predict::{Predictor, Spread};
 use crate::trajectory::{PlanStatus, Predictions};
-use crate::v2x::{Expectations, Known, V2xSettings, Via};
+use crate::v2x::{Known, SharedPredictions, V2xSettings, Via};
 
 const DT: f64 = 0.1;
 
@@ -43,7 +43,7 @@ fn follow_as(world: &mut World, given: &[(i64, Vec<State>)], status: PlanStatus)
     world.step(&plans).expect("plans of all driving agents");
 }
 
-fn expected(world: &World) -> (Predictions, Expectations) {
+fn expected(world: &World) -> (Predictions, SharedPredictions) {
     let scene = world.scene();
     let spread = Spread { position_sigma: 0.15, acceleration_sigma: 0.8, lateral_rate: 0.25 };
     let table = world.predict(&Predictor::ConstantVelocity(spread), &scene, 30).expect("predictions");
@@ -51,12 +51,12 @@ fn expected(world: &World) -> (Predictions, Expectations) {
     (table, found)
 }
 
-fn of(found: &Expectations, observer: i64, id: i64) -> Option<Known> {
+fn of(found: &SharedPredictions, observer: i64, id: i64) -> Option<Known> {
     found.known[&observer].iter().find(|known| known.id == id).copied()
 }
 
 /// x of a row at a step.
-fn x_at(found: &Expectations, known: &Known, step: usize) -> f64 {
+fn x_at(found: &SharedPredictions, known: &Known, step: usize) -> f64 {
     found.table.x[found.table.offset(known.row, 0) + step]
 }
 

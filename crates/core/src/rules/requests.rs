@@ -1,11 +1,11 @@
-//! Agents that ask for a passage, and what is booked.
+//! Agents that ask for a passage, and what is reserved.
 
 use super::course::Passage;
-use super::meeting::{Booking, OrderKind};
+use super::meeting::{OrderKind, Reservation};
 use super::room::ROOM;
 
 /// An agent that asks for a passage.
-pub(super) struct Claim<'a> {
+pub(super) struct Request<'a> {
     pub(super) traveller: usize,
     pub(super) body: usize,
     pub(super) passage: &'a Passage,
@@ -21,27 +21,27 @@ pub(super) struct Claim<'a> {
     pub(super) turns_on_red: bool,
     /// It counts on it that others give way.
     pub(super) trusts: bool,
-    pub(super) windows: Vec<Booking>,
+    pub(super) windows: Vec<Reservation>,
     /// Claims that leave the areas before it, although it could come earlier.
     pub(super) follows: Vec<usize>,
-    pub(super) answer: Option<Answer>,
+    pub(super) decision: Option<Decision>,
 }
 
-impl Claim<'_> {
+impl Request<'_> {
     pub(super) fn is_granted(&self) -> bool {
-        self.answer == Some(Answer::GO)
+        self.decision == Some(Decision::GO)
     }
 }
 
-/// Whether a claim is granted; if not, why, because of which body, and for how long [s].
+/// Whether a request is granted; if not, why, because of which body, and for how long [s].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Answer {
+pub(super) struct Decision {
     pub(super) kind: OrderKind,
     pub(super) by: Option<usize>,
     pub(super) delay: f64,
 }
 
-impl Answer {
+impl Decision {
     pub(super) const GO: Self = Self { kind: OrderKind::Go, by: None, delay: 0.0 };
 
     /// For now it is not known for how long.
@@ -50,25 +50,25 @@ impl Answer {
     }
 }
 
-/// What has been booked so far.
+/// What has been reserved so far.
 #[derive(Debug, Default)]
-pub(super) struct Bookings {
-    booked: Vec<Booking>,
+pub(super) struct Reservations {
+    reservations: Vec<Reservation>,
     /// Room behind passages that end on a lanelet [m].
     reserved: Vec<(usize, f64)>,
 }
 
-impl Bookings {
-    pub(super) fn of(&self, area: usize) -> impl Iterator<Item = &Booking> {
-        self.booked.iter().filter(move |booking| booking.area == area)
+impl Reservations {
+    pub(super) fn of(&self, area: usize) -> impl Iterator<Item = &Reservation> {
+        self.reservations.iter().filter(move |reservation| reservation.area == area)
     }
 
     pub(super) fn reserved(&self, passage: &Passage) -> f64 {
         self.reserved.iter().filter(|(exit, _)| *exit == passage.exit).map(|(_, length)| length).sum()
     }
 
-    pub(super) fn add(&mut self, windows: impl IntoIterator<Item = Booking>) {
-        self.booked.extend(windows);
+    pub(super) fn add(&mut self, windows: impl IntoIterator<Item = Reservation>) {
+        self.reservations.extend(windows);
     }
 
     /// Keeps room for a vehicle of a length behind a passage.
