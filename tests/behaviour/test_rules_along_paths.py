@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import commonroad_documents as cr
 import numpy as np
 import pytest
+from rings import ring
 
 from interdrive import read_scenario, simulate
+from interdrive.scenario import StopLine
+from interdrive.testing import problem, world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLANNERS = ("frenet", "idm", "idm_mobil", "obeys")
-#: Where an agent starts [m] and how fast [m/s]; half of its lane change lies at 40, 91 and 145 m, the line at 100 m.
-CHANGES = {"before": (20.0, 10.0), "at": (75.0, 8.0), "behind": (60.0, 10.0)}
+#: Where an agent starts [m] and how fast [m/s]; half of its lane change lies at 40, 91, 145, 105 m, the line at 100 m.
+CHANGES = {"before": (20.0, 10.0), "at": (75.0, 8.0), "behind": (60.0, 10.0), "across": (90.0, 2.0)}
 HALF = 2.25
 STOP, RED, TURN = '<trafficSignRef ref="803"/>', '<trafficLightRef ref="901"/>', '<trafficSignRef ref="804"/>'
 
@@ -73,13 +78,14 @@ def driven(run, number=1):
     return 0.1 * np.flatnonzero(there), front, run.states.velocity[row, there]
 
 
-every_change = pytest.mark.parametrize("change", CHANGES)
+every_change = pytest.mark.parametrize("change", ["before", "at", "behind"])
+every_place = pytest.mark.parametrize("change", CHANGES)
 either_way = pytest.mark.parametrize("to_left", [False, True])
 every_planner = pytest.mark.parametrize("name", PLANNERS)
 
 
 @every_planner
-@every_change
+@every_place
 @either_way
 def test_it_stands_at_the_stop_sign_of_its_lane(tmp_path, planner_of, name, change, to_left):
     scenario = road(tmp_path, change, to_left, control=STOP, content=cr.sign(803, 206))
@@ -92,7 +98,7 @@ def test_it_stands_at_the_stop_sign_of_its_lane(tmp_path, planner_of, name, chan
 
 
 @every_planner
-@every_change
+@every_place
 @either_way
 def test_it_stands_at_the_red_light_of_its_lane(tmp_path, planner_of, name, change, to_left):
     light = cr.traffic_light(901, ("red", 250), ("green", 600))
@@ -116,7 +122,7 @@ def test_it_keeps_to_the_limit_behind_the_line(tmp_path, planner_of, name, chang
     assert run.outcomes.outcome == ("goal_reached",)
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@every_change
 @either_way
 def test_the_monitor_sees_who_passes_the_red_light_of_its_lane(tmp_path, change, to_left):
     light = cr.traffic_light(901, ("red", 250), ("green", 600))
@@ -151,6 +157,9 @@ def test_it_waits_for_a_person_on_the_crosswalk_behind_the_line(tmp_path, planne
         threads=1,
     )
     assert "crosswalk" in run.orders.kind
+    _, front, velocity = driven(run)
+    waits = (velocity < 0.5) & (front > 103.0) & (front < 108.0)
+    assert waits.any(), "before the crosswalk at 108 m"
     assert run.outcomes.outcome == ("goal_reached",)
 
 
@@ -189,7 +198,34 @@ def test_nobody_touches_and_the_car_with_the_sign_waits(tmp_path, planner_of, na
 def test_it_gives_way_from_the_lane_of_its_path(tmp_path, planner_of, name, change, to_left):
     run = simulate(crossing(tmp_path, change, to_left=to_left, shift=0.0), planner=planner_of(name), threads=1)
     assert run.outcomes.outcome == ("goal_reached",) * 2
+    assert 1 in run.orders.agent_id, "it is told to wait"
     assert run.violations.rule.count("right_of_way") == 0
+
+
+@pytest.mark.parametrize("ends", [(60.0, 60.0), (60.5, 59.5), (63.0, 57.0), (57.0, 63.0)])
+def test_it_gives_way_behind_lanelets_that_do_not_end_beside_each_other(tmp_path, ends):
+    """Half of the lane change lies at 60 m, so between the ends of the right and the left lanelet."""
+    found = ""
+    for k, end in enumerate(ends):
+        low, high = 3.5 * k - 1.75, 3.5 * k + 1.75
+        for number, x, link in ((1 + k, (0, end), f'<successor ref="{11 + k}"/>'), (11 + k, (end, 320), "")):
+            beside = f'<adjacent{"Right" if k else "Left"} ref="{number + 1 - 2 * k}" drivingDir="same"/>'
+            kind = "<laneletType>urban</laneletType><userOneWay>vehicle</userOneWay>"
+            before = f'<predecessor ref="{1 + k}"/>' if number > 10 else ""
+            bounds = {"left": [(x[0], high), (x[1], high)], "right": [(x[0], low), (x[1], low)]}
+            found += cr.lanelet(number, **bounds, more=before + link + beside + kind)
+    for number, low, high, before, after in ((7, -150, -8, "", 8), (8, -8, 12, 7, 9), (9, 12, 150, 8, "")):
+        more = "".join(f'<{tag} ref="{ref}"/>' for tag, ref in (("predecessor", before), ("successor", after)) if ref)
+        more += "<laneletType>urban</laneletType><userOneWay>vehicle</userOneWay>"
+        more += '<trafficSignRef ref="802"/>' if number == 7 else ""
+        bounds = {"left": [(198.25, low), (198.25, high)], "right": [(201.75, low), (201.75, high)]}
+        found += cr.lanelet(number, **bounds, more=more)
+    content = cr.sign(802, 306) + trip(1, (40.0, 0.0), (280.0, 3.5), velocity=10.0)
+    content += trip(2, (200.0, -145.0), (200.0, 100.0), velocity=10.0, heading=np.pi / 2)
+    scenario = read_scenario(cr.saved(tmp_path, cr.document(content, lanelets=found)))
+    run = simulate(scenario, planner="idm", threads=1)
+    assert 1 in run.orders.agent_id, "it is told to wait"
+    assert run.outcomes.outcome == ("goal_reached",) * 2
 
 
 def turning(folder, change, to_left):
@@ -226,3 +262,33 @@ def test_it_turns_right_on_red_from_its_lane_after_standing(tmp_path, planner_of
     assert np.count_nonzero((velocity < 0.1) & (front > 97.0) & (front < 100.0)) >= 10, "it stands before the line"
     assert run.outcomes.outcome == ("goal_reached",)
     assert run.violations.rule.count("red_light") == 0
+
+
+def in_a_ring(start, outward):
+    """Two lanes around the origin, of 40 and 36.5 m, a stop line across both at 90 degrees; agent 1 changes lanes."""
+    from_radius, to_radius = (36.5, 40.0) if outward else (40.0, 36.5)
+    goal = (to_radius * math.cos(3.5), to_radius * math.sin(3.5))
+    agent = problem(
+        1, from_radius * math.cos(start), from_radius * math.sin(start), 7.0, start + math.pi / 2, goal=goal,
+        goal_size=(6.0, 3.0), goal_orientation=math.remainder(3.5 + math.pi / 2, 2 * math.pi), time_step=(0, 700),
+    )  # fmt: skip
+    lines = tuple(
+        StopLine(number, np.array([[0.0, radius - 1.75], [0.0, radius + 1.75]]), (), has_stop_sign=True)
+        for number, radius in ((2, 40.0), (10, 36.5))
+    )
+    return replace(world(ring(8, 40.0, 2), problems=[agent], steps=0), stop_lines=lines)
+
+
+@pytest.mark.parametrize("name", ["frenet", "idm", "obeys"])
+@pytest.mark.parametrize("start", [0.05, 0.7, 1.2])
+@either_way
+def test_it_stands_at_the_stop_sign_in_a_ring_and_drives_on(planner_of, name, start, to_left):
+    run = simulate(in_a_ring(start, outward=not to_left), agents=[1], planner=planner_of(name), threads=1)
+    row = run.states.participant_id.tolist().index(1)
+    there = run.states.valid[row]
+    angle = np.arctan2(run.states.y[row, there], run.states.x[row, there])
+    to_line = 38.0 * (math.pi / 2 - angle) - HALF
+    stood = (run.states.velocity[row, there] < 0.1) & (to_line > -0.5) & (to_line < 3.0)
+    assert np.count_nonzero(stood) >= 10, "one second"
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert run.violations.rule.count("stop_sign") == 0

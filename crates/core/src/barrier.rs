@@ -87,7 +87,8 @@ impl Barrier {
     pub fn deceleration(&self, front: f64, velocity: f64) -> f64 {
         let distance = self.s - front;
         let standing = 0.5 * velocity * velocity / distance.max(DISTANCE_MIN);
-        if self.until.is_infinite() {
+        if velocity * self.until >= 2.0 * distance || self.until.is_infinite() {
+            // It stands before the barrier opens.
             return standing;
         }
         let arriving = 2.0 * (velocity * self.until - distance) / (self.until * self.until).max(SQUARE_MIN);
@@ -104,7 +105,7 @@ pub struct Barriers {
 
 impl Barriers {
     /// A stop sign, a light, a crosswalk, an order at a junction, an agreement, the end of the lane.
-    const CAPACITY: usize = 6;
+    pub const CAPACITY: usize = 6;
 
     /// There is none.
     pub const NONE: Self = Self {
@@ -169,8 +170,10 @@ mod tests {
         for (s, until, velocity, expected) in [
             // 10² / (2 * 20)
             (20.0, f64::INFINITY, 10.0, 2.5),
-            // It opens in 4 s: 2 (40 - 20) / 16 would be 2.5, too.
+            // It opens in 4 s, when the agent would just stand there; later it does not matter.
             (20.0, 4.0, 10.0, 2.5),
+            (20.0, 6.0, 10.0, 2.5),
+            (20.0, 30.0, 10.0, 2.5),
             // 2 (30 - 20) / 9
             (20.0, 3.0, 10.0, 20.0 / 9.0),
             (20.0, 2.0, 10.0, 0.0),
@@ -190,6 +193,8 @@ mod tests {
             (vec![(20.0, never), (30.0, never)], 0.0, Some(20.0)),
             // The nearer one opens before the agent arrives; the line behind it takes 100 / 60.
             (vec![(20.0, 1.0), (30.0, never)], 10.0, Some(30.0)),
+            // It opens in 15 s: the agent has to stand before it, not before the line behind it.
+            (vec![(20.0, 15.0), (30.0, never)], 10.0, Some(20.0)),
             // Far enough away not to matter yet: 100 / 120.
             (vec![(20.0, 1.0), (60.0, never)], 10.0, Some(20.0)),
         ] {

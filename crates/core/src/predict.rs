@@ -30,7 +30,7 @@ pub(crate) use turning::{ShownWay, turn};
 pub(crate) use waiting::{Waiting, wait};
 
 /// Below this speed [m/s] a participant is taken to stand and to stay.
-const STATIONARY_SPEED: f64 = 0.3;
+const PREDICTED_STANDING_SPEED: f64 = 0.3;
 /// Variance of the position of something that stands [m²].
 const STATIONARY_VARIANCE: f64 = 0.02;
 
@@ -214,7 +214,9 @@ fn predict_one(
         {
             replay(out, i, scenario, scene.participants.ids[row]);
         }
-        _ if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED => stand(out, i, &state),
+        _ if scene.participants.is_static[row] || state.velocity.abs() < PREDICTED_STANDING_SPEED => {
+            stand(out, i, &state)
+        }
         Predictor::ConstantVelocity(spread) => go_straight(out, i, (&state, 0.0), spread, scene.dt),
         Predictor::Neural(_) => unreachable!("the network predicts all vehicles at once"),
         Predictor::LaneFollowing(settings) | Predictor::GroundTruth(_, settings) => {
@@ -234,7 +236,7 @@ pub(crate) fn told(
     age: f64,
     (dt, road): (f64, &RoadNetwork),
 ) {
-    if is_static || state.velocity.abs() < STATIONARY_SPEED {
+    if is_static || state.velocity.abs() < PREDICTED_STANDING_SPEED {
         return stand(out, i, state);
     }
     let settings = LaneFollowing::default();
@@ -261,7 +263,7 @@ pub fn completed<'a>(predictions: &'a Predictions, scene: &Scene) -> Cow<'a, Pre
             continue;
         }
         let state = State { velocity: scene.observed_velocity(row), ..scene.state(row) };
-        if scene.participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED {
+        if scene.participants.is_static[row] || state.velocity.abs() < PREDICTED_STANDING_SPEED {
             stand(&mut out, i, &state);
         } else {
             go_straight(&mut out, i, (&state, 0.0), &STRAIGHT, scene.dt);

@@ -11,13 +11,15 @@ use crate::geometry::shape::PlacedShape;
 use crate::geometry::{Point, Pose};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::vehicle::ParticipantKind;
-use corridor::Corridor;
+use corridor::{Corridor, Stretch};
 use search::Step;
 
 /// Spacing [m] at which a path is tested for being inside a goal area.
 const GOAL_SAMPLING: f64 = 0.1;
 /// The path is tested this far [m] beyond the goal area's place on the lanelet.
 const GOAL_MARGIN: f64 = 30.0;
+/// A piece is at least this long [m].
+const LENGTH_MIN: f64 = 1e-3;
 /// How far [m] an arc length on the smooth path may differ from that on the centre lines.
 const HINT_WINDOW: f64 = 20.0;
 
@@ -59,6 +61,10 @@ impl Default for RouteSettings {
 pub struct PathPiece {
     /// Index of the lanelet.
     pub lanelet: usize,
+    /// Arc length of the lanelet's start on the path, or beside it [m].
+    pub start: f64,
+    /// ... and of its end [m].
+    pub end: f64,
     /// Arc length at which the path changes into this lane [m]; minus infinity where it comes from the lanelet before.
     pub from: f64,
     /// Arc length at which it leaves this lane for the one beside [m]; infinity where it goes on to the lanelet behind.
@@ -66,9 +72,35 @@ pub struct PathPiece {
 }
 
 impl PathPiece {
-    /// From the start of a lanelet to its end.
-    pub fn whole(lanelet: usize) -> Self {
-        Self { lanelet, from: f64::NEG_INFINITY, to: f64::INFINITY }
+    /// From the start of a lanelet to its end, at arc lengths of a path [m].
+    pub fn whole(lanelet: usize, start: f64, end: f64) -> Self {
+        Self { lanelet, start, end: end.max(start + LENGTH_MIN), from: f64::NEG_INFINITY, to: f64::INFINITY }
+    }
+
+    /// Those of a path along a chain of lanelets without lane changes.
+    pub fn chain(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork) -> Vec<Self> {
+        let mut expected = None;
+        let piece = |lanelet: &usize| {
+            let center = &road.lanelets()[*lanelet].center;
+            let start = match expected {
+                Some(expected) => near_hint(path, center.at(0.0), expected),
+                None => path.project(center.at(0.0)).map_or(0.0, |foot| foot.0),
+            };
+            let end = near_hint(path, center.at(center.length()), start + center.length());
+            expected = Some(end);
+            Self::whole(*lanelet, start, end)
+        };
+        lanelets.iter().map(piece).collect()
+    }
+
+    /// Distance of an arc length from the lanelet [m]; 0 within it.
+    pub fn distance(&self, s: f64) -> f64 {
+        (self.start - s).max(s - self.end).max(0.0)
+    }
+
+    /// The path lies in this lanelet at an arc length [m].
+    pub fn holds(&self, s: f64) -> bool {
+        self.has(s) && self.distance(s) <= 0.0
     }
 
     /// A lane change leads into it or out of it.
@@ -76,7 +108,7 @@ impl PathPiece {
         self.from.is_finite() || self.to.is_finite()
     }
 
-    /// The path lies here at an arc length [m] of this lanelet.
+    /// No lane change leads past this lanelet at an arc length [m].
     pub fn has(&self, s: f64) -> bool {
         (self.from..self.to).contains(&s)
     }
@@ -159,7 +191,7 @@ pub fn find_route(
         None => (f64::NAN, f64::NAN),
     };
     Ok(Route {
-        pieces: pieces(&path, &corridor),
+        pieces: pieces(&path, &corridor, road),
         lane_changes: steps.iter().filter(|step| step.is_change).count(),
         lanelets: steps.into_iter().map(|step| step.lanelet).collect(),
         path,
@@ -170,15 +202,18 @@ pub fn find_route(
     })
 }
 
-/// The lanelets of a corridor with the arc lengths on its smooth path at which the lane changes.
-fn pieces(path: &ReferencePath, corridor: &Corridor) -> Vec<PathPiece> {
+/// The lanelets of a corridor with where they are on its smooth path, and where the lane changes.
+fn pieces(path: &ReferencePath, corridor: &Corridor, road: &RoadNetwork) -> Vec<PathPiece> {
     let mut pieces: Vec<PathPiece> = Vec::with_capacity(corridor.lanelets.len());
-    for (lanelet, changed) in &corridor.lanelets {
+    for Stretch { lanelet, start, changed } in &corridor.lanelets {
+        let center = &road.lanelets()[*lanelet].center;
+        let start = near_hint(path, center.at(0.0), *start);
+        let end = near_hint(path, center.at(center.length()), start + center.length());
         let from = changed.map(|(point, hint)| near_hint(path, point, hint));
         if let (Some(from), Some(before)) = (from, pieces.last_mut()) {
             before.to = from;
         }
-        pieces.push(PathPiece { from: from.unwrap_or(f64::NEG_INFINITY), ..PathPiece::whole(*lanelet) });
+        pieces.push(PathPiece { from: from.unwrap_or(f64::NEG_INFINITY), ..PathPiece::whole(*lanelet, start, end) });
     }
     pieces
 }

@@ -10,6 +10,7 @@ mod components;
 mod course;
 mod crosswalks;
 mod gaps;
+mod line_memory;
 mod meeting;
 mod narrow;
 mod room;
@@ -22,10 +23,12 @@ pub use blinkers::Turning;
 pub(crate) use course::reach;
 pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
+pub use line_memory::LineMemory;
+use line_memory::is_near;
 pub use meeting::{Body, Meeting, Memory, Order, OrderKind, Place, Reservation, Traveller, Unseen, Yielding};
 pub(crate) use windows::{EARLY_ACCELERATION, LATE_ACCELERATION, travel_time};
 
-use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED};
+use crate::conduct::COMFORTABLE_DECELERATION;
 use std::sync::LazyLock;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
@@ -39,6 +42,8 @@ use crate::settings::{between, positive, settings};
 
 /// Spacing of the grid of speed limits [m].
 const SPACING: f64 = 2.0;
+/// Lanelets that the path leaves or enters overlap with those beside and behind them up to this far from their ends [m].
+const OVERLAP_MAX: f64 = 25.0;
 /// Stop lines reach beyond their ends by this [m]: paths do not keep to the middle of a lane.
 const LINE_MARGIN: f64 = 1.0;
 /// An agent that has turned right on red goes last until its front is so far behind the line [m].
@@ -102,17 +107,22 @@ pub struct SpeedLimits {
 
 impl SpeedLimits {
     /// Of the lanelets that the path lies on; the highest where several overlap.
-    pub fn along(path: &ReferencePath, lanelets: &[usize], road: &RoadNetwork, factor: f64) -> Self {
-        let limit_of = |lanelet: &usize| {
-            let limit = road.lanelets()[*lanelet].speed_limit;
+    pub fn along(path: &ReferencePath, pieces: &[PathPiece], road: &RoadNetwork, factor: f64) -> Self {
+        let limit_of = |lanelet: usize| {
+            let limit = road.lanelets()[lanelet].speed_limit;
             if limit.is_nan() { f64::INFINITY } else { factor * limit }
         };
-        if lanelets.iter().all(|lanelet| limit_of(lanelet).is_infinite()) {
+        if pieces.iter().all(|piece| limit_of(piece.lanelet).is_infinite()) {
             return Self::default();
         }
         let limit_at = |i: usize| {
-            let here = road.lanelets_at(path.at(i as f64 * SPACING).position);
-            here.iter().filter(|lanelet| lanelets.contains(lanelet)).map(limit_of).reduce(f64::max)
+            let s = i as f64 * SPACING;
+            let here = road.lanelets_at(path.at(s).position);
+            let near = || pieces.iter().filter(|piece| piece.distance(s) <= OVERLAP_MAX);
+            let below = near().filter(|piece| here.contains(&piece.lanelet));
+            let highest = below.map(|piece| limit_of(piece.lanelet)).reduce(f64::max);
+            // Between lanes of different widths the path may lie in a lanelet of neither.
+            highest.or_else(|| near().find(|piece| piece.holds(s)).map(|piece| limit_of(piece.lanelet)))
         };
         let n = (path.length() / SPACING) as usize + 1;
         Self { values: (0..n).map(|i| limit_at(i).unwrap_or(f64::INFINITY)).collect() }
@@ -168,7 +178,7 @@ impl Way {
             way.crosswalks = Crosswalk::along(path, lanelets, &scenario.control, &scenario.road);
         }
         if settings.enabled && settings.blinkers {
-            way.turnings = Turning::along(path, pieces, &scenario.control, &scenario.road);
+            way.turnings = Turning::along(pieces, &scenario.control, &scenario.road);
         }
         way
     }
@@ -183,26 +193,31 @@ impl Way {
         if !settings.enabled {
             return Self::default();
         }
-        let lanelets: &[usize] = &pieces.iter().map(|piece| piece.lanelet).collect::<Vec<_>>();
         let limits = if settings.speed {
-            SpeedLimits::along(path, lanelets, &scenario.road, settings.speed_factor)
+            SpeedLimits::along(path, pieces, &scenario.road, settings.speed_factor)
         } else {
             SpeedLimits::default()
         };
         let mut crossings = Vec::new();
         for (index, line) in scenario.control.lines.iter().enumerate() {
-            let Some(place) = lanelets.iter().position(|lanelet| *lanelet == line.lanelet) else { continue };
-            // A lane change before or behind the line leads past it.
-            let is_passed = |s: &f64| pieces.iter().any(|piece| piece.lanelet == line.lanelet && piece.has(*s));
-            let ahead = &lanelets[place..];
-            let taken = line.lights.iter().find(|(next, _)| ahead.contains(next));
-            let lights = taken.map_or_else(
-                || line.lights.iter().flat_map(|(_, lights)| lights.iter().copied()).collect(),
-                |(_, lights)| lights.clone(),
-            );
-            let turns_on_red = settings.right_on_red && taken.is_some_and(|(next, _)| line.turns_on_red.contains(next));
-            let places = arc_lengths_at(path, line.ends).filter(is_passed);
-            crossings.extend(places.map(|s| Crossing { s, line: index, lights: Vec::clone(&lights), turns_on_red }));
+            if !pieces.iter().any(|piece| piece.lanelet == line.lanelet) {
+                continue;
+            }
+            for s in arc_lengths_at(path, line.ends) {
+                // The path may lie in a lanelet more than once, and a lane change before or behind the line leads past it.
+                let there = (0..pieces.len()).filter(|i| pieces[*i].lanelet == line.lanelet);
+                let nearest = there.min_by(|a, b| pieces[*a].distance(s).total_cmp(&pieces[*b].distance(s)));
+                let Some(place) = nearest.filter(|place| pieces[*place].has(s)) else { continue };
+                let lights_to = |piece: &PathPiece| line.lights.iter().find(|(next, _)| *next == piece.lanelet);
+                let taken = pieces[place..].iter().find_map(lights_to);
+                let lights = taken.map_or_else(
+                    || line.lights.iter().flat_map(|(_, lights)| lights.iter().copied()).collect(),
+                    |(_, lights)| lights.clone(),
+                );
+                let turns_on_red =
+                    settings.right_on_red && taken.is_some_and(|(next, _)| line.turns_on_red.contains(next));
+                crossings.push(Crossing { s, line: index, lights, turns_on_red });
+            }
         }
         crossings.sort_by(|a, b| a.s.total_cmp(&b.s));
         Self { limits, crossings, ..Self::default() }
@@ -254,10 +269,10 @@ pub struct Rules<'a> {
     pub entered: i64,
     /// Time between steps [s].
     pub dt: f64,
-    /// The line in `Control::lines` before which the agent has stood long enough to pass it.
-    pub served: Option<usize>,
-    /// The line that it was too near to stop at when its light changed.
-    pub passing: Option<usize>,
+    /// Way since the agent stood long enough to pass a line after stopping [m].
+    pub served: Option<f64>,
+    /// Distance to the line that it was too near to stop at when its light changed [m].
+    pub passing: Option<f64>,
     /// Arc length of its front on its reference path [m].
     pub front: f64,
     /// What it was told there: crosswalks in use, orders at junctions, agreements.
@@ -331,8 +346,7 @@ impl Rules<'_> {
     /// An agent with its front at an arc length of a way [m] is about to turn right on red, or has just passed the line: it
     /// goes last.
     pub fn turns_on_red(&self, way: &Way, front: f64) -> bool {
-        let is_next =
-            |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.served == Some(one.line));
+        let is_next = |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.is_served(one, front));
         self.settings.lights && way.crossings.iter().filter(is_next).any(|one| self.is_turn_on_red(one))
     }
 
@@ -343,6 +357,11 @@ impl Rules<'_> {
     /// Its lights were green or dark so many time steps ago.
     fn may_pass(&self, crossing: &Crossing, steps: i64) -> bool {
         matches!(self.control.signal(&crossing.lights, self.time_step - steps), Signal::Green | Signal::Dark)
+    }
+
+    /// The agent has stood long enough before a line, no farther away than counts.
+    fn is_served(&self, crossing: &Crossing, front: f64) -> bool {
+        self.served.is_some_and(|moved| crossing.s - front + moved <= STOP_REACH)
     }
 
     fn holds(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
@@ -362,7 +381,7 @@ impl Rules<'_> {
     fn is_held_by_sign(&self, crossing: &Crossing, front: f64, velocity: f64) -> bool {
         self.settings.stop_signs
             && self.control.lines[crossing.line].has_stop_sign
-            && self.served != Some(crossing.line)
+            && !self.is_served(crossing, front)
             && self.could_stop(crossing, front, velocity, self.since_entry())
     }
 
@@ -370,62 +389,17 @@ impl Rules<'_> {
         if !self.settings.lights || crossing.lights.is_empty() || self.may_pass(crossing, 0) {
             return false;
         }
-        if self.served == Some(crossing.line) && self.is_turn_on_red(crossing) {
+        if self.is_served(crossing, front) && self.is_turn_on_red(crossing) {
             return false;
         }
         let could_stop = |steps: i64| self.could_stop(crossing, front, velocity, steps);
-        if self.passing == Some(crossing.line) && !could_stop(0) {
+        let is_passing = self.passing.is_some_and(|distance| is_near(crossing.s - front, distance));
+        if is_passing && !could_stop(0) {
             return false;
         }
         // Either it could have stopped when the light changed, or it is found too near for that.
         let is_new = |steps: &i64| !self.may_pass(crossing, *steps) && !could_stop(*steps - 1);
         could_stop((1..=self.since_entry()).take_while(is_new).count() as i64)
-    }
-}
-
-/// What an agent remembers of the lines ahead.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct LineMemory {
-    /// How long it has stood before a line that it may pass after stopping (that of a stop sign, or a red light beside
-    /// which it may turn right): position of the line in `Control::lines`, and the steps.
-    standing: Option<(usize, usize)>,
-    /// The line that it was too near to stop at when its light changed.
-    passing: Option<usize>,
-}
-
-impl LineMemory {
-    /// One time step later, with the arc length of the agent's front on the way of its lane [m] and its speed [m/s].
-    pub fn after(self, control: &Control, way: &Way, front: f64, velocity: f64) -> Self {
-        let counts = |one: &&Crossing| one.turns_on_red || control.lines[one.line].has_stop_sign;
-        let near = way.crossings.iter().filter(counts).find(|one| one.s > front && one.s - front <= STOP_REACH);
-        let standing = near.map(|&Crossing { line, .. }| {
-            let steps = self.standing.filter(|(before, _)| *before == line).map_or(0, |(_, steps)| steps);
-            (line, steps + usize::from(velocity.abs() <= STANDSTILL_SPEED))
-        });
-        Self { standing, ..self }
-    }
-
-    /// The same, having looked at the next light under the rules of now. That the agent is too near is found when the
-    /// light changes or the agent enters; later it may have become faster.
-    #[must_use]
-    pub fn looking(self, rules: &Rules, way: &Way, front: f64, velocity: f64) -> Self {
-        let next = way.crossings.iter().find(|one| one.s > front && !one.lights.is_empty());
-        let begins = |one: &Crossing| rules.time_step <= rules.entered || rules.may_pass(one, 1);
-        let goes_on = |one: &&Crossing| {
-            let is_lit = rules.settings.lights && !rules.may_pass(one, 0);
-            is_lit && (begins(one) || self.passing == Some(one.line)) && !rules.holds(one, front, velocity)
-        };
-        Self { passing: next.filter(goes_on).map(|one| one.line), ..self }
-    }
-
-    /// The line that it was too near to stop at when its light changed.
-    pub fn passing(self) -> Option<usize> {
-        self.passing
-    }
-
-    /// The line at which it has stood long enough.
-    pub fn served(self, settings: &RulesSettings, dt: f64) -> Option<usize> {
-        self.standing.filter(|(_, steps)| *steps as f64 * dt >= settings.stop_duration).map(|(line, _)| line)
     }
 }
 

@@ -271,6 +271,9 @@ pub type ProgressParts = (f64, f64, Vec<(f64, f64, u8, Option<i64>)>);
 
 /// From what `Ego` hands over to other processes.
 pub fn progress((s, front, parts): ProgressParts) -> PyResult<Progress> {
+    if parts.len() > Barriers::CAPACITY {
+        return Err(InputError::new_err(format!("at most {} barriers, not {}", Barriers::CAPACITY, parts.len())));
+    }
     let mut barriers = Barriers::NONE;
     for (s, until, reason, by) in parts {
         let reason = *BarrierReason::ALL

@@ -16,12 +16,11 @@ use super::frame::{project, start_curvature};
 use super::path_motion::point_at;
 use super::polynomial::Braking;
 use super::{PlanRequest, PlanResult};
+use crate::conduct::STANDSTILL_SPEED;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::{Obstruction, State, Trajectory};
 
-/// Slower agents stand [m/s].
-pub(super) const AGENT_STOPPED_SPEED: f64 = 0.1;
 /// Full braking as a fraction of the largest deceleration.
 const FULL_BRAKING: f64 = 0.9;
 /// The previous plan's path is taken if it passes the agent this closely: [m], [rad].
@@ -43,7 +42,7 @@ pub(super) fn without_plan(request: &PlanRequest, n_points: usize, road: &mut Ve
 
 /// Standing still or full braking.
 pub(super) fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
-    if request.state.velocity.abs() <= AGENT_STOPPED_SPEED {
+    if request.state.velocity.abs() <= STANDSTILL_SPEED {
         stay(request, n_points)
     } else {
         brake(request, n_points, road, reason)
@@ -137,7 +136,7 @@ fn towards_arc(request: &PlanRequest, n_points: usize, curvature: f64) -> Vec<St
 /// The wheels turn towards a point of the reference path as fast as they can, as far as the tyres hold.
 fn towards_path(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> {
     let (path, axle) = (&request.route.path, request.vehicle.rear_axle_from_center(request.state.pose()));
-    if request.state.velocity <= AGENT_STOPPED_SPEED {
+    if request.state.velocity <= STANDSTILL_SPEED {
         return None;
     }
     let (s, _) = project(path, axle, request.s_hint)?;
@@ -184,7 +183,7 @@ fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> 
     let turn = wrap_angle(state.orientation - first.orientation);
     let is_near = first.pose().position.distance(state.pose().position) < POSITION_TOLERANCE
         && turn.abs() < HEADING_TOLERANCE
-        && state.velocity > AGENT_STOPPED_SPEED;
+        && state.velocity > STANDSTILL_SPEED;
     if !is_near || old.len() < 2 || old.iter().any(|point| !point.is_finite() || point.velocity < 0.0) {
         return None;
     }
@@ -194,7 +193,7 @@ fn along_previous(request: &PlanRequest, n_points: usize) -> Option<Vec<State>> 
         let (mut passed, mut curvature) = (0.0, 0.0);
         for pair in old.windows(2) {
             let [before, after] = [&pair[0], &pair[1]]
-                .map(|point| (point.velocity > AGENT_STOPPED_SPEED).then(|| point.yaw_rate / point.velocity));
+                .map(|point| (point.velocity > STANDSTILL_SPEED).then(|| point.yaw_rate / point.velocity));
             let length = axle(&pair[1]).distance(axle(&pair[0]));
             let Some(before) = before else { break };
             curvature = after.unwrap_or(before);

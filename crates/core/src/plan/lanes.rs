@@ -273,7 +273,7 @@ impl Lane {
             pieces[i].last_chance = last.min(goal_s) - CHANGE_RESERVE;
             pieces[i].lane_end = last;
         }
-        let whole: Vec<PathPiece> = chain.into_iter().map(PathPiece::whole).collect();
+        let whole = PathPiece::chain(&path, &chain, road);
         Ok(Self { way: Way::without_crosswalks(&path, &whole, scenario, rules), path, pieces })
     }
 

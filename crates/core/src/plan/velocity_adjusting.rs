@@ -7,6 +7,7 @@ use super::idm::RETURN_TIME;
 use super::recorded_path::RecordedPath;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::barrier::Barriers;
+use crate::conduct::STANDSTILL_SPEED;
 use crate::rules::SpeedLimits;
 use crate::settings::settings;
 
@@ -24,8 +25,6 @@ const PASSING_SPEED: f64 = 2.0;
 const SAME_PLACE: f64 = 0.02;
 /// Lateral acceleration in curves beyond the end of the recording [m/s²].
 const LATERAL_ACCELERATION: f64 = 3.0;
-/// A recording that ends (nearly) standing goes on with this speed, so that the vehicle follows its lane [m/s].
-const RECORDING_STOPPED_SPEED: f64 = 0.1;
 
 settings! {
     /// Keeps the recorded path and, where the way is free, the recorded speed.
@@ -55,7 +54,7 @@ fn undisturbed(
     let clock = if on_schedule { clock_now } else { latest };
     if clock >= last {
         let wish = recorded_path.last_velocity().min(speed_limit);
-        let wish = if wish < RECORDING_STOPPED_SPEED { 0.0 } else { wish };
+        let wish = if wish < STANDSTILL_SPEED { 0.0 } else { wish };
         return if velocity < wish || velocity > wish + SLOWER_BY {
             law.free(velocity, wish)
         } else {

@@ -1,6 +1,6 @@
 //! Which participants are stationary: one rule for every predictor that uses the past.
 
-use super::STATIONARY_SPEED;
+use super::PREDICTED_STANDING_SPEED;
 use crate::scene::Scene;
 
 /// Less than this is no motion [m].
@@ -42,6 +42,7 @@ impl Stillness {
 
     /// It stands: its positions say so for half a second, or all that is known of it does and it is slow.
     pub(super) fn is_standing(&self, velocity: f64) -> bool {
-        self.unmoved >= STATIONARY_TIME - 1e-9 || (self.unmoved >= self.known && velocity.abs() < STATIONARY_SPEED)
+        self.unmoved >= STATIONARY_TIME - 1e-9
+            || (self.unmoved >= self.known && velocity.abs() < PREDICTED_STANDING_SPEED)
     }
 }

@@ -96,7 +96,8 @@ mod tests {
         let way = [straight_on, left][lanelet - 1];
         let points: Vec<Point> = std::iter::once(Point::new(0.0, 0.0)).chain((0..40).map(|i| way(i as f64))).collect();
         let path = ReferencePath::through(&points).expect("a path");
-        let turning = Turning::along(&path, &[0, lanelet].map(PathPiece::whole), &Control::default(), &road).remove(0);
+        let turning =
+            Turning::along(&PathPiece::chain(&path, &[0, lanelet], &road), &Control::default(), &road).remove(0);
         let here = Point::new(40.0, 0.0);
         let s = path.project(here).expect("a foot").0;
         turn(table, 0, &ShownWay { turning: &turning, path: &path, from: (here, s) }, &road, 0.1)

@@ -17,13 +17,22 @@ const FOOT_WINDOW: f64 = 25.0;
 #[derive(Debug)]
 pub(super) struct Corridor {
     pub(super) points: Vec<Point>,
-    /// The lanelets in which the points lie, in their order; where the lane changes into one, the place and its arc length
-    /// along the points [m].
-    pub(super) lanelets: Vec<(usize, Option<(Point, f64)>)>,
+    /// The lanelets in which the points lie, in their order.
+    pub(super) lanelets: Vec<Stretch>,
     /// Arc length of the start along the points [m].
     pub(super) start_hint: f64,
     /// Arc length of the end of the goal area along the points [m]; that of the last lanelet without a goal.
     pub(super) goal_hint: f64,
+}
+
+/// A lanelet in which the points of a corridor lie.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stretch {
+    pub(super) lanelet: usize,
+    /// Arc length of its start along the points, or beside them [m].
+    pub(super) start: f64,
+    /// Where the lane changes into it: the place, and its arc length along the points [m].
+    pub(super) changed: Option<(Point, f64)>,
 }
 
 /// A stretch along one lane: lanelets that follow each other, with the station of each. Lanelets side by side have the
@@ -65,16 +74,22 @@ impl Leg {
 }
 
 impl LegLine {
-    /// The lanelets of a leg between two arc lengths [m], the first one with where the lane changed into it.
+    /// The lanelets of a leg between two arc lengths [m], the first one with where the lane changed into it; the leg begins
+    /// at an arc length `base` of the corridor's points [m].
     fn between(
         &self,
         leg: &Leg,
         (from, to): (f64, f64),
+        base: f64,
         changed: Option<(Point, f64)>,
-    ) -> impl Iterator<Item = (usize, Option<(Point, f64)>)> {
+    ) -> impl Iterator<Item = Stretch> {
         let at = |s: f64| self.offsets[1..leg.lanelets.len()].partition_point(|end| *end <= s);
-        let lanelets = leg.lanelets[at(from)..=at(to.max(from))].iter();
-        lanelets.enumerate().map(move |(i, lanelet)| (*lanelet, changed.filter(|_| i == 0)))
+        let first = at(from);
+        (first..=at(to.max(from))).map(move |i| Stretch {
+            lanelet: leg.lanelets[i],
+            start: base + self.offsets[i],
+            changed: changed.filter(|_| i == first),
+        })
     }
 }
 
@@ -147,7 +162,7 @@ impl Corridor {
         let start_hint = length_of(&points) + start_s;
         let mut at = 0.0;
         let mut earliest = start_s;
-        let (mut lanelets, mut entry, mut changed) = (Vec::new(), 0.0, None);
+        let (mut lanelets, mut entry, mut base, mut changed) = (Vec::new(), 0.0, length_of(&points), None);
         for i in 0..last {
             let place = ChangePlace::new(&legs, &lines, i, earliest, goal_start + goal_entry);
             let length = blend_length.min(place.room).max(BLEND_LENGTH_MIN);
@@ -159,12 +174,12 @@ impl Corridor {
             // In the middle of the blend the path is half-way between both lanes.
             let middle = beyond(&lines[i].line, from + 0.5 * length);
             let foot = lines[i + 1].line.project_between(middle, place.expected, at).s;
-            lanelets.extend(lines[i].between(&legs[i], (entry, from + 0.5 * length), changed));
+            lanelets.extend(lines[i].between(&legs[i], (entry, from + 0.5 * length), base, changed));
             changed = Some((middle.lerp(lines[i + 1].line.at(foot), 0.5), before + 0.5 * length));
-            entry = foot;
+            (entry, base) = (foot, before + 0.5 * length - foot);
         }
         let end = lines[last].line.length();
-        lanelets.extend(lines[last].between(&legs[last], (entry, end), changed));
+        lanelets.extend(lines[last].between(&legs[last], (entry, end), base, changed));
         points.extend(cut(&lines[last].line, at.min(end), end));
         let rest_after_goal = goal_length - goal_exit;
         let goal_hint = length_of(&points) - rest_after_goal;

@@ -384,3 +384,32 @@ fn the_pieces_of_a_path_are_the_lanelets_in_which_it_lies_whatever_the_route_nam
         assert!(on_road.into_iter().all(|s| found.pieces.iter().any(|piece| lies_in(s, piece))));
     }
 }
+
+#[test]
+fn pieces_know_where_their_lanelets_are_though_these_do_not_end_beside_each_other() {
+    // A narrow and a wide lane, cut at 61 and at 59 m; half of the change lies at 60 m.
+    let widths = |id: i64, (from, to): (f64, f64), (low, high): (f64, f64)| LaneletInput {
+        left: straight((from, high), (to, high)),
+        right: straight((from, low), (to, low)),
+        ..lane(id, &straight((from, 0.5 * (low + high)), (to, 0.5 * (low + high))))
+    };
+    let beside = |mut lanelet: LaneletInput, left: Option<i64>, right: Option<i64>| {
+        (lanelet.adjacent_left, lanelet.adjacent_right) = (left.map(|id| (id, true)), right.map(|id| (id, true)));
+        lanelet
+    };
+    let (right, left) = ((-1.5, 1.5), (1.5, 6.5));
+    let road = open(vec![
+        beside(with_successors(widths(1, (0.0, 61.0), right), &[11]), Some(2), None),
+        beside(with_successors(widths(2, (0.0, 59.0), left), &[12]), None, Some(1)),
+        beside(widths(11, (61.0, 300.0), right), Some(12), None),
+        beside(widths(12, (59.0, 300.0), left), None, Some(11)),
+    ]);
+    let found = route(&road, Pose::new(40.0, 0.0, 0.0), &[box_at(250.0, 4.0, 10.0, 3.0)]);
+    let (ids, places) = pieces(&road, &found);
+    assert_eq!(ids, [1, 12]);
+    assert!((places[0] - 60.0).abs() < 0.5, "{places:?}");
+    for (piece, (start, end)) in found.pieces.iter().zip([(0.0, 61.0), (59.0, 300.0)]) {
+        let x = |s: f64| found.path.at(s).position.x;
+        assert!((x(piece.start) - start).abs() < 0.5 && (x(piece.end) - end).abs() < 0.5, "{piece:?}");
+    }
+}

@@ -1,8 +1,6 @@
 //! The turns that agents show before forks of the road.
 
-use super::course::stations;
 use crate::control::{Control, Turn};
-use crate::geometry::polyline::ReferencePath;
 use crate::road::RoadNetwork;
 use crate::route::PathPiece;
 
@@ -25,13 +23,8 @@ pub struct Turning {
 }
 
 impl Turning {
-    /// Those on a path with its pieces, in its order; also that behind which the path begins.
-    pub(crate) fn along(
-        path: &ReferencePath,
-        pieces: &[PathPiece],
-        control: &Control,
-        road: &RoadNetwork,
-    ) -> Vec<Self> {
+    /// Those on a path, by its pieces, in its order; also that behind which the path begins.
+    pub(crate) fn along(pieces: &[PathPiece], control: &Control, road: &RoadNetwork) -> Vec<Self> {
         let is_fork = |before: usize, lanelet: usize| {
             let successors = &road.lanelets()[before].successors;
             successors.len() > 1 && successors.contains(&lanelet)
@@ -45,16 +38,14 @@ impl Turning {
         if forks.is_empty() {
             return Vec::new();
         }
-        let stations = stations(path, pieces, road);
         let turning = |(place, before): (usize, usize)| {
-            let station = &stations[place];
-            let others =
-                road.lanelets()[before].successors.iter().copied().filter(|other| *other != station.piece.lanelet);
+            let piece = &pieces[place];
+            let others = road.lanelets()[before].successors.iter().copied().filter(|other| *other != piece.lanelet);
             Self {
                 others: others.collect(),
-                turn: turn(before, station.piece.lanelet, control, road),
-                start: station.start,
-                end: station.end.min(station.start + SHOWN_BEHIND),
+                turn: turn(before, piece.lanelet, control, road),
+                start: piece.start,
+                end: piece.end.min(piece.start + SHOWN_BEHIND),
             }
         };
         forks.into_iter().map(turning).collect()
@@ -96,6 +87,7 @@ mod tests {
     use super::*;
     use crate::control::Priorities;
     use crate::geometry::Point;
+    use crate::geometry::polyline::ReferencePath;
     use crate::road::testing::{arc, fork, lane, open, straight, with_successors};
 
     fn path(points: &[(f64, f64)]) -> ReferencePath {
@@ -107,7 +99,7 @@ mod tests {
     fn shown(road: &RoadNetwork, control: &Control, lanelet: usize) -> Turn {
         let center = &road.lanelets()[lanelet].center;
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (center.at(center.length()).x, center.at(center.length()).y)]);
-        let found = Turning::along(&way, &[0, lanelet].map(PathPiece::whole), control, road);
+        let found = Turning::along(&PathPiece::chain(&way, &[0, lanelet], road), control, road);
         assert_eq!(found.len(), 1);
         found[0].turn
     }
@@ -139,7 +131,7 @@ mod tests {
     fn it_is_shown_from_30_m_or_3_s_before_the_fork_until_the_rear_has_left_it() {
         let road = fork();
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (100.0, 0.0)]);
-        let found = Turning::along(&way, &[0, 1].map(PathPiece::whole), &Control::default(), &road).remove(0);
+        let found = Turning::along(&PathPiece::chain(&way, &[0, 1], &road), &Control::default(), &road).remove(0);
         // Arc lengths are x and a constant.
         let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
         let is_shown = |x: f64, velocity: f64| found.is_shown(zero + x, zero + x - 4.5, velocity);
@@ -172,7 +164,7 @@ mod tests {
         let road = two_forks();
         let control = Control::default();
         let way = path(&[(0.0, 0.0), (60.0, 0.0), (80.0, -20.0)]);
-        let found = Turning::along(&way, &[0, 1, 3].map(PathPiece::whole), &control, &road);
+        let found = Turning::along(&PathPiece::chain(&way, &[0, 1, 3], &road), &control, &road);
         let zero = way.project(Point::new(0.0, 0.0)).expect("a foot").0;
         let shown = |x: f64| Turning::shown(&found, zero + x, zero + x - 4.5, 5.0).map(|one| one.turn);
         for (x, expected) in [
@@ -190,7 +182,7 @@ mod tests {
     fn an_agent_that_starts_behind_a_fork_shows_its_way_there() {
         let road = fork();
         let way = path(&[(50.0, 0.0), (64.0, 6.0), (70.0, 20.0)]);
-        let found = Turning::along(&way, &[2].map(PathPiece::whole), &Control::default(), &road);
+        let found = Turning::along(&PathPiece::chain(&way, &[2], &road), &Control::default(), &road);
         assert_eq!((found.len(), found[0].turn, found[0].others.as_slice()), (1, Turn::Left, [1].as_slice()));
     }
 
@@ -212,6 +204,6 @@ mod tests {
             lane(2, &arc((50.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0)),
         ]);
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (70.0, 20.0)]);
-        assert_eq!(Turning::along(&way, &[0, 1].map(PathPiece::whole), &Control::default(), &road), []);
+        assert_eq!(Turning::along(&PathPiece::chain(&way, &[0, 1], &road), &Control::default(), &road), []);
     }
 }

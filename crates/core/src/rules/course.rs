@@ -1,7 +1,6 @@
 //! The areas that an agent drives through on its way, in passages between places where it can stand.
 
 use super::SpeedLimits;
-use crate::geometry::polyline::ReferencePath;
 use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::route::{PathPiece, Route};
@@ -36,24 +35,6 @@ pub(crate) fn reach(velocity: f64) -> f64 {
     REACH.max(REACH_TIME * velocity)
 }
 
-/// A lanelet beside or on the path.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Station {
-    /// The part of the path that lies in it.
-    pub piece: PathPiece,
-    /// Arc length of the lanelet's start on the path [m].
-    pub start: f64,
-    /// ... and of its end [m].
-    pub end: f64,
-}
-
-impl Station {
-    /// The path lies somewhere between two arc lengths [m] in the lanelet, where a lane change leads into it or out of it.
-    fn is_changed_between(&self, from: f64, to: f64) -> bool {
-        self.piece.is_cut() && from < self.piece.to && to > self.piece.from
-    }
-}
-
 /// An area on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Crossed {
@@ -86,8 +67,8 @@ pub struct Passage {
 /// What arbitration knows about the reference path of an agent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Course {
-    /// Its lanelets in driving order.
-    pub stations: Vec<Station>,
+    /// The pieces of its path in driving order.
+    pub pieces: Vec<PathPiece>,
     /// Its passages in driving order.
     pub passages: Vec<Passage>,
 }
@@ -103,21 +84,21 @@ impl Course {
         let &Vehicle { length, width, .. } = vehicle;
         let lateral = vehicle.cornering(LATERAL);
         let path = &route.path;
-        let stations = stations(path, &route.pieces, road);
+        let pieces = &route.pieces;
         let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
         let mut areas: Vec<Crossed> = Vec::new();
-        for station in &stations {
-            let lanelet = &road.lanelets()[station.piece.lanelet];
-            let scale = (station.end - station.start) / lanelet.length;
-            for &(index, side) in junctions.of_lanelet(station.piece.lanelet) {
+        for piece in pieces {
+            let lanelet = &road.lanelets()[piece.lanelet];
+            let scale = (piece.end - piece.start) / lanelet.length;
+            for &(index, side) in junctions.of_lanelet(piece.lanelet) {
                 let area = &junctions.areas[index];
                 let stretch = area.sides[side];
                 let is_narrow = conflict(junctions, index, width + DESIGN_WIDTH);
                 let middle = 0.5 * (stretch.entry + stretch.exit);
-                let foot = path.project_near(lanelet.center.at(middle), station.start + scale * middle, WINDOW);
-                let (first, last) = (station.start + scale * stretch.entry, station.start + scale * stretch.exit);
-                let is_there = match station.piece.is_cut() {
-                    true => station.is_changed_between(first, last),
+                let foot = path.project_near(lanelet.center.at(middle), piece.start + scale * middle, WINDOW);
+                let (first, last) = (piece.start + scale * stretch.entry, piece.start + scale * stretch.exit);
+                let is_there = match piece.is_cut() {
+                    true => first < piece.to && last > piece.from,
                     false => foot.is_some_and(|(_, d)| d.abs() <= ASIDE_MAX),
                 };
                 let entry = first - wider;
@@ -150,19 +131,19 @@ impl Course {
             let mut numbers: Vec<usize> = areas.iter().map(|crossed| junctions.areas[crossed.area].junction).collect();
             numbers.sort_unstable();
             numbers.dedup();
-            let station = stations.iter().find(|station| end <= station.end).or(stations.last());
+            let there = pieces.iter().find(|piece| end <= piece.end).or(pieces.last());
             Passage {
                 entry_line,
                 end,
                 speed,
                 approach: limits.at(entry_line).min(SPEED_MAX),
-                exit: station.map_or(usize::MAX, |station| station.piece.lanelet),
+                exit: there.map_or(usize::MAX, |piece| piece.lanelet),
                 extra_lead: if areas.iter().any(waits) { SIGN_LEAD } else { 0.0 },
                 junctions: numbers,
                 areas,
             }
         };
-        Self { passages: groups.into_iter().map(passage).collect(), stations }
+        Self { passages: groups.into_iter().map(passage).collect(), pieces: pieces.clone() }
     }
 
     /// All areas in driving order: number and own side, and the arc lengths where they begin and end [m].
@@ -187,39 +168,15 @@ impl Course {
 
     /// Arc length on the path of a place on a lanelet [m], if the path leads over it, the first one from `from` on.
     pub(super) fn place(&self, lanelet: usize, s: f64, from: f64) -> Option<f64> {
-        let on = self.stations.iter().filter(|station| station.piece.lanelet == lanelet);
-        on.map(|station| (station, station.start + s))
-            .find(|(station, place)| *place >= from && station.piece.has(*place))
-            .map(|found| found.1)
+        let on = self.pieces.iter().filter(|piece| piece.lanelet == lanelet);
+        on.map(|piece| (piece, piece.start + s)).find(|(piece, at)| *at >= from && piece.has(*at)).map(|found| found.1)
     }
 
     /// The lanelet at an arc length of the path, and the arc length there [m].
     pub fn lanelet_at(&self, s: f64) -> Option<(usize, f64)> {
-        let station = self.stations.iter().rev().find(|station| station.start <= s && station.piece.has(s))?;
-        Some((station.piece.lanelet, s - station.start))
+        let piece = self.pieces.iter().rev().find(|piece| piece.start <= s && piece.has(s))?;
+        Some((piece.lanelet, s - piece.start))
     }
-}
-
-pub(super) fn stations(path: &ReferencePath, pieces: &[PathPiece], road: &RoadNetwork) -> Vec<Station> {
-    let mut stations: Vec<Station> = Vec::with_capacity(pieces.len());
-    for (place, &piece) in pieces.iter().enumerate() {
-        let index = piece.lanelet;
-        let lanelet = &road.lanelets()[index];
-        let first = lanelet.center.at(0.0);
-        let start = match (place.checked_sub(1), stations.last()) {
-            (Some(before), Some(last)) => {
-                let follows = road.lanelets()[pieces[before].lanelet].successors.contains(&index);
-                let expected = if follows { last.end } else { last.start };
-                path.project_near(first, expected, WINDOW).map_or(expected, |foot| foot.0)
-            }
-            _ => path.project(first).map_or(0.0, |foot| foot.0),
-        };
-        let expected = start + lanelet.length;
-        let last = lanelet.center.at(lanelet.length);
-        let end = path.project_near(last, expected, WINDOW).map_or(expected, |foot| foot.0).max(start + 1e-3);
-        stations.push(Station { piece, start, end });
-    }
-    stations
 }
 
 /// Two vehicles can use the area only one after the other.

@@ -268,9 +268,9 @@ impl Meeting<'_> {
         let (mut bodies, mut starts, mut near) = (Vec::new(), vec![0], Vec::new());
         for (traveller, is_wanted) in self.travellers.iter().zip(is_wanted) {
             near.clear();
-            for station in if *is_wanted { &*traveller.course.stations } else { &[] } {
-                let from = on.partition_point(|(lanelet, _)| *lanelet < station.piece.lanelet);
-                near.extend(on[from..].iter().take_while(|one| one.0 == station.piece.lanelet).map(|one| one.1));
+            for piece in if *is_wanted { &*traveller.course.pieces } else { &[] } {
+                let from = on.partition_point(|(lanelet, _)| *lanelet < piece.lanelet);
+                near.extend(on[from..].iter().take_while(|one| one.0 == piece.lanelet).map(|one| one.1));
             }
             near.sort_unstable();
             near.dedup();

@@ -100,7 +100,7 @@ impl Grid {
         let points: Vec<Point> = lanelets.iter().flat_map(center).collect();
         let path = ReferencePath::through(&points).expect("a path");
         Route {
-            pieces: lanelets.iter().copied().map(PathPiece::whole).collect(),
+            pieces: PathPiece::chain(&path, &lanelets, &self.road),
             lanelets,
             path,
             start_s: 0.0,

@@ -241,15 +241,11 @@ impl World {
 
     fn judge_goals(&mut self) {
         let (time_step, settings, dt) = (self.time_step, self.settings.step, self.scenario.dt);
-        let control = &self.scenario.control;
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
             drive.outcome.time_step = time_step;
             drive.follow_path(&state, dt);
-            if !control.lines.is_empty() {
-                let (way, front) = drive.way_below(&state);
-                drive.stop = drive.stop.after(control, way, front, state.velocity);
-            }
+            drive.lines = drive.lines.after(state.velocity, dt);
             if let Some(kind) = drive.judge(&state, time_step, &settings) {
                 drive.outcome.kind = kind;
             }
@@ -307,8 +303,8 @@ impl World {
             let drive = &self.drives[index];
             if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
                 let (way, front) = drive.way_below(&state);
-                let stop = drive.stop.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
-                self.drives[index].stop = stop;
+                let lines = drive.lines.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
+                self.drives[index].lines = lines;
             }
         }
     }

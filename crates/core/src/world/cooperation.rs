@@ -199,7 +199,7 @@ impl World {
             extent: drive.agent.shape.extent(),
             storeys: &self.participants.storeys,
             crossings: &drive.crossings,
-            is_ordered: !drive.course.stations.is_empty(),
+            is_ordered: !drive.course.pieces.is_empty(),
             line: told.map(|barrier| barrier.s).fold(self.line(drive), f64::min),
         }
     }

@@ -113,7 +113,7 @@ struct Drive {
     /// What it remembers of the next ones.
     memory: Memory,
     /// What it remembers of the lines ahead.
-    stop: LineMemory,
+    lines: LineMemory,
     /// The crosswalk on its way before which it was told to wait at the last step.
     crosswalk: Option<usize>,
     /// Row among the participants.

@@ -55,7 +55,7 @@ impl World {
 
     /// Ids of the agents that enter junctions when they are told to.
     pub fn obeying(&self) -> Vec<i64> {
-        let drives = self.drives.iter().filter(|drive| !drive.course.stations.is_empty());
+        let drives = self.drives.iter().filter(|drive| !drive.course.pieces.is_empty());
         drives.map(|drive| drive.agent.id).collect()
     }
 
@@ -131,7 +131,7 @@ impl World {
         let is_vehicle = |row: &&usize| self.participants.kind[**row].is_on_the_road();
         let rows: Vec<usize> = scene.present.iter().filter(is_vehicle).copied().collect();
         let mut obeying: Vec<Option<&Drive>> = vec![None; rows.len()];
-        for drive in driving().filter(|drive| !drive.course.stations.is_empty()) {
+        for drive in driving().filter(|drive| !drive.course.pieces.is_empty()) {
             if let Ok(place) = rows.binary_search(&drive.row) {
                 obeying[place] = Some(drive);
             }

@@ -156,8 +156,8 @@ impl World {
             time_step: self.time_step,
             entered: drive.agent.start_time_step,
             dt: self.scenario.dt,
-            served: drive.stop.served(&drive.agent.rules, self.scenario.dt),
-            passing: drive.stop.passing(),
+            served: drive.lines.served(&drive.agent.rules, self.scenario.dt),
+            passing: drive.lines.passing(),
             front: drive.front(),
             told: Barriers::NONE,
         }

@@ -118,7 +118,7 @@ impl World {
             way: Arc::clone(&staged.way),
             course: Arc::clone(&staged.course),
             memory: Memory::default(),
-            stop: LineMemory::default(),
+            lines: LineMemory::default(),
             crosswalk: None,
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,

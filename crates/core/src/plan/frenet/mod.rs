@@ -46,6 +46,7 @@ pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult, emergency_braking};
+use crate::conduct::STANDSTILL_SPEED;
 use crate::geometry::Point;
 use crate::trajectory::{PlanStatus, State, Trajectory};
 use cost::TableCosts;
@@ -113,7 +114,7 @@ struct Assumptions {
 }
 
 /// Plans that end slower than this [m/s] crawl.
-const CRAWLING_SPEED: f64 = 2.0;
+const SLOW_PLAN_SPEED: f64 = 2.0;
 /// Samples that end faster by this [m/s] are clearly faster.
 const FASTER_BY: f64 = 1.0;
 
@@ -200,7 +201,7 @@ impl Incumbent {
 
     /// What steered samples take for granted.
     fn assumptions(&self) -> Assumptions {
-        if self.velocity > CRAWLING_SPEED { Assumptions::NOMINAL } else { Assumptions::NARROW }
+        if self.velocity > SLOW_PLAN_SPEED { Assumptions::NOMINAL } else { Assumptions::NARROW }
     }
 }
 
@@ -208,7 +209,7 @@ impl Incumbent {
 fn is_held_by_road(result: &PlanResult, memory: &FrenetMemory) -> bool {
     let slow = end_velocity(result);
     let better = |(cost, velocity): &(f64, f64)| *cost < result.cost && *velocity > slow;
-    slow < CRAWLING_SPEED && memory.evaluation.off_road.iter().any(better)
+    slow < SLOW_PLAN_SPEED && memory.evaluation.off_road.iter().any(better)
 }
 
 /// The cheapest plan where the road is narrow that ends faster than one of the same request and costs less. That
@@ -342,7 +343,7 @@ fn attempt(
         return PlanResult::planned(trajectory, cost);
     }
     let obstruction = Some(obstruction::find(&mut evaluation));
-    let is_moving = start.velocity > emergency_braking::AGENT_STOPPED_SPEED;
+    let is_moving = start.velocity > STANDSTILL_SPEED;
     let result = match is_moving.then(|| least_bad(&mut evaluation)).flatten() {
         Some(trajectory) => PlanResult::braking(trajectory),
         None => emergency_braking::last_resort(request, n_points, road, "no sample can be driven"),
@@ -363,7 +364,7 @@ pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidate
     }
     let undrivable = all.undrivable.clone();
     let mut found = match all.chosen {
-        Some(chosen) if all.last_velocity[chosen] < CRAWLING_SPEED && all.is_held_by_road(chosen) => {
+        Some(chosen) if all.last_velocity[chosen] < SLOW_PLAN_SPEED && all.is_held_by_road(chosen) => {
             let mut narrow = sample_all(request, settings, Assumptions::NARROW, None);
             narrow.choose(all.last_velocity[chosen], all.cost[chosen]);
             if narrow.chosen.is_some() { narrow } else { all }

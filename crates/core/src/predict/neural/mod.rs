@@ -31,7 +31,7 @@ pub use paths::{FREE, LEFT, N_OWN, N_PATHS, RIGHT, SLOTS};
 
 use std::sync::Arc;
 
-use super::{STATIONARY_SPEED, STRAIGHT, go_straight, rows_of, stand};
+use super::{PREDICTED_STANDING_SPEED, STRAIGHT, go_straight, rows_of, stand};
 use crate::road::RoadNetwork;
 use crate::scene::Scene;
 use crate::trajectory::{Predictions, State};
@@ -137,7 +137,7 @@ fn without_network(out: &mut Predictions, i: usize, row: usize, scene: &Scene) {
     }
     let is_static = scene.participants.is_static[row];
     let state = State { velocity: scene.observed_velocity(row), ..now };
-    if is_static || state.velocity.abs() < STATIONARY_SPEED {
+    if is_static || state.velocity.abs() < PREDICTED_STANDING_SPEED {
         return stand(out, i, &state);
     }
     go_straight(out, i, (&state, 0.0), &STRAIGHT, scene.dt);

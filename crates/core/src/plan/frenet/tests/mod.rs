@@ -96,7 +96,7 @@ impl Drive {
             shape: Shape::rectangle(vehicle.length, vehicle.width),
             route: Route {
                 lanelets: vec![0],
-                pieces: vec![PathPiece::whole(0)],
+                pieces: vec![PathPiece::whole(0, 0.0, s + 1000.0)],
                 path,
                 start_s: s,
                 goal_entry_s: f64::NAN,
