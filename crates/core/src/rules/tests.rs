@@ -85,6 +85,8 @@ fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_
     // 14² / (2 · 27 m) = 3.63 m/s²: it goes on, and slows down for something else.
     let near = LineMemory::default().looking(&at(100, LineMemory::default()), &way, 73.0, 14.0);
     assert!(near.passing().is_some_and(|distance| (distance - 27.0).abs() < 1e-6));
+    // What it remembers comes nearer as it drives.
+    let later = |way: f64| (0..10).fold(near, |memory, _| memory.after(way, 0.1));
     // One that could have stopped, and is faster a step later, does not become too near.
     assert_eq!(LineMemory::default().looking(&at(101, LineMemory::default()), &way, 73.0, 14.0).passing(), None);
     // 12 m/s, 12 m before the line, 1.2 s later: 6 m/s². At this speed it could have stopped when the light changed.
@@ -92,12 +94,16 @@ fn an_agent_that_was_too_near_when_the_light_changed_remembers_it_as_long_as_it_
         at(112, LineMemory::default()).barriers(&way, 88.0, 12.0).nearest().is_finite(),
         "without memory it brakes hard"
     );
-    assert!(at(112, near).barriers(&way, 88.0, 12.0).nearest().is_infinite());
+    assert!(at(112, later(15.0)).barriers(&way, 88.0, 12.0).nearest().is_infinite());
     // 5 m/s, 5 m before it: 2.5 m/s².
-    assert!(at(118, near).barriers(&way, 95.0, 5.0).nearest().is_finite(), "it can stop");
-    assert_eq!(near.looking(&at(118, near), &way, 95.0, 5.0).passing(), None, "and then it has to");
-    assert_eq!(near.looking(&at(118, near), &way, 101.0, 12.0).passing(), None, "behind the line it is forgotten");
-    assert_eq!(near.looking(&at(700, near), &way, 88.0, 12.0).passing(), None, "on green, too");
+    assert!(at(118, later(22.0)).barriers(&way, 95.0, 5.0).nearest().is_finite(), "it can stop");
+    assert_eq!(later(22.0).looking(&at(118, later(22.0)), &way, 95.0, 5.0).passing(), None, "and then it has to");
+    assert_eq!(
+        later(28.0).looking(&at(118, later(28.0)), &way, 101.0, 12.0).passing(),
+        None,
+        "behind the line it is forgotten"
+    );
+    assert_eq!(later(15.0).looking(&at(700, later(15.0)), &way, 88.0, 12.0).passing(), None, "on green, too");
 }
 
 #[test]
