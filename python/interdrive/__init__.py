@@ -44,6 +44,7 @@ _HOME = {
     "Planner": "planners",
     "PlannerSettings": "planners",
     "Recorded": "planners",
+    "Rollout": "planners",
     "Trajectory": "planners",
     "VelocityAdjusting": "planners",
     "PredictionEvaluation": "prediction_evaluation",

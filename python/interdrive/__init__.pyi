@@ -31,6 +31,7 @@ from interdrive.planners import (
     Planner as Planner,
     PlannerSettings as PlannerSettings,
     Recorded as Recorded,
+    Rollout as Rollout,
     Trajectory as Trajectory,
     VelocityAdjusting as VelocityAdjusting,
 )

@@ -10,6 +10,101 @@ from interdrive import _core
 
 
 @dataclass(frozen=True)
+class RolloutWeights:
+    """Weights of the terms of the cost, which is counted in metres of lost progress.
+
+    Attributes:
+        progress: Way that is lost against a free road over the horizon [m]. Not negative.
+        end_velocity: Speed that is missing at the end against a free road [m/s]; the weight is the time in which it
+            is made up for. Not negative.
+        acceleration: Integral of the squared acceleration [m²/s³]. Not negative.
+        jerk: Integral of the squared jerk [m²/s⁵]. Not negative.
+        lateral_acceleration: Integral of the squared lateral acceleration beyond that of the path [m²/s³]. Not
+            negative.
+        offset: Integral of the distance from the reference path [m s]. Not negative.
+        change: Distance of the end from where the plan before ends, across the path [m]. Not negative.
+        nearness: Integral of the nearness to others, from 0 to 1 and weighted by the probabilities of their modes
+            [s]. Not negative.
+        edge: 1 if it comes nearer to the edge of the road than `road_margin`. Not negative.
+        margin: 1 if it comes nearer to another participant than the margins. Not negative.
+        contact: (1 + closing speed) / (time until then)² of the first contact [m/s³]: the later and the slower, the
+            less certain it is and the less harm it does. Not negative.
+        off_road: The same for leaving the road, whose edge does not move. Not negative.
+    """
+
+    progress: float = 1.0
+    end_velocity: float = 0.7
+    acceleration: float = 0.04
+    jerk: float = 0.002
+    lateral_acceleration: float = 0.1
+    offset: float = 0.5
+    change: float = 0.5
+    nearness: float = 1.0
+    edge: float = 2.0
+    margin: float = 5.0
+    contact: float = 40.0
+    off_road: float = 200.0
+
+
+@dataclass(frozen=True)
+class Comfort:
+    """How comfortably an agent drives where it can.
+
+    Attributes:
+        time_gap: Time gap to a leader: the reaction time of the safe speed. Positive and at most 60.
+        standstill_gap: Distance kept to a standing leader. Between 0 and 100.
+        acceleration: Acceleration on a free road. Positive and at most 100.
+        deceleration: Deceleration before leaders, curves, barriers and the goal. Positive and at most 100.
+        jerk: Largest jerk as long as the agent need not brake harder than 4 m/s². Positive and at most 1000.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
+            Positive and at most 100.
+        velocity_step: Largest difference between the present speed and the speed at which a gap for a lane change
+            is looked for. Positive and at most 100.
+        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor
+            speed. Between 0 and 100.
+    """
+
+    time_gap: Annotated[float, "s"] = 0.85
+    standstill_gap: Annotated[float, "m"] = 2.0
+    acceleration: Annotated[float, "m/s²"] = 3.0
+    deceleration: Annotated[float, "m/s²"] = 3.0
+    jerk: Annotated[float, "m/s³"] = 12.0
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    velocity_step: Annotated[float, "m/s"] = 5.0
+    cruise_velocity_min: Annotated[float, "m/s"] = 5.0
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Closed-loop roll-outs: a few ways, paces and steering laws, each driven ahead by a model of the vehicle, and one cost.
+
+    See docs/reference/planner_rollout.md.
+
+    Attributes:
+        horizon: Length of a plan. Between 0.5 and 60.
+        road_margin: Distance kept to the edge of the road where there is room. Between 0 and 10.
+        margin_length: Distance kept to others where there is room, before and behind them. Between 0 and 100.
+        margin_width: Distance kept to others where there is room, beside them. Between 0 and 100.
+        collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most
+            probable mode always counts. Between 0 and 1.
+        weights: Weights of the cost.
+        comfort: Comfortable driving.
+    """
+
+    horizon: Annotated[float, "s"] = 3.0
+    road_margin: Annotated[float, "m"] = 0.1
+    margin_length: Annotated[float, "m"] = 0.25
+    margin_width: Annotated[float, "m"] = 0.1
+    collision_mode_probability: float = 0.2
+    weights: RolloutWeights = field(default_factory=RolloutWeights)
+    comfort: Comfort = field(default_factory=Comfort)
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Rollout", self)
+
+
+@dataclass(frozen=True)
 class FrenetWeights:
     """Weights of the terms of the cost; zero disables a term. Every term is zero or positive.
 

@@ -104,8 +104,9 @@ pub struct Barriers {
 }
 
 impl Barriers {
-    /// A stop sign, a light, a crosswalk, an order at a junction, an agreement, the end of the lane.
-    pub const CAPACITY: usize = 6;
+    /// A stop sign, a light, a crosswalk, an order at a junction, an agreement, the end of the lane, oncoming traffic beside
+    /// what stands.
+    pub const CAPACITY: usize = 7;
 
     /// There is none.
     pub const NONE: Self = Self {

@@ -46,6 +46,7 @@ impl PyPlanner {
     #[new]
     fn new(name: &str, record: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self(match name {
+            "rollout" => Planner::Rollout(Box::new(read(record)?)),
             "frenet" => Planner::Frenet(Box::new(read(record)?)),
             "recorded" => Planner::Recorded,
             "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),

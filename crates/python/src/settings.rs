@@ -3,6 +3,7 @@
 use interdrive_core::criticality::Settings as MeasureSettings;
 use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::frenet::{FrenetSettings, FrenetTarget};
+use interdrive_core::plan::rollout::RolloutSettings;
 use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
@@ -22,6 +23,7 @@ use crate::errors::{InputError, exception};
 /// The records that Python makes and hands over, with the settings that they have by default.
 fn records() -> Vec<Box<dyn Record>> {
     vec![
+        Box::new(RolloutSettings::default()),
         Box::new(FrenetSettings::default()),
         Box::new(VelocityAdjustingSettings::default()),
         Box::new(IdmSettings::default()),

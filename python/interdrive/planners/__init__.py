@@ -6,7 +6,17 @@ settings; the core plans for all their agents in one call.
 
 from __future__ import annotations
 
-from interdrive.native_settings import Frenet, FrenetComfort, FrenetWeights, Idm, IdmMobil, VelocityAdjusting
+from interdrive.native_settings import (
+    Comfort,
+    Frenet,
+    FrenetComfort,
+    FrenetWeights,
+    Idm,
+    IdmMobil,
+    Rollout,
+    RolloutWeights,
+    VelocityAdjusting,
+)
 from interdrive.planners.contract import Planner, Trajectory
 from interdrive.planners.native import NATIVE, RECORDED_PATH, RECORDS, PlannerSettings, Recorded, native_planner
 
@@ -14,6 +24,7 @@ __all__ = [
     "NATIVE",
     "RECORDED_PATH",
     "RECORDS",
+    "Comfort",
     "Frenet",
     "FrenetComfort",
     "FrenetWeights",
@@ -22,6 +33,8 @@ __all__ = [
     "Planner",
     "PlannerSettings",
     "Recorded",
+    "Rollout",
+    "RolloutWeights",
     "Trajectory",
     "VelocityAdjusting",
     "native_planner",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interdrive import _core
-from interdrive.native_settings import Frenet, Idm, IdmMobil, VelocityAdjusting
+from interdrive.native_settings import Frenet, Idm, IdmMobil, Rollout, VelocityAdjusting
 from interdrive.planners.policy import policy_planner
 
 
@@ -30,12 +30,14 @@ class PlannerSettings:
     """Settings of all native planners.
 
     Attributes:
+        rollout: Settings of `rollout`.
         frenet: Settings of `frenet`.
         velocity_adjusting: Settings of `velocity_adjusting`.
         idm: Settings of `idm`.
         idm_mobil: Settings of `idm_mobil`.
     """
 
+    rollout: Rollout = field(default_factory=Rollout)
     frenet: Frenet = field(default_factory=Frenet)
     velocity_adjusting: VelocityAdjusting = field(default_factory=VelocityAdjusting)
     idm: Idm = field(default_factory=Idm)
@@ -44,6 +46,7 @@ class PlannerSettings:
 
 #: Names of the native planners, each with one line of explanation.
 NATIVE = {
+    "rollout": "drives several ways ahead in closed loop and takes the cheapest",
     "frenet": "samples trajectories in the Frenet frame of the reference path and takes the cheapest safe one",
     "recorded": "replays the recording",
     "velocity_adjusting": "keeps the recorded path, and the recorded speed where the way is free",
@@ -57,6 +60,7 @@ RECORDED_PATH = ("recorded", "velocity_adjusting")
 
 #: The record of each native planner.
 RECORDS: dict[str, type] = {
+    "rollout": Rollout,
     "frenet": Frenet,
     "recorded": Recorded,
     "velocity_adjusting": VelocityAdjusting,

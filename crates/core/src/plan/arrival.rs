@@ -1,7 +1,6 @@
 //! How fast an agent wants to be for the sake of its goal.
 
 use super::PlanRequest;
-use super::frame::Start;
 
 /// The plan reaches a new speed after about this time [s]; speeds are desired for then.
 pub(super) const LOOK_AHEAD: f64 = 1.0;
@@ -20,7 +19,8 @@ const EARLY_STEP: f64 = 1.0;
 /// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
 const GOAL_SPEED_SHARE: f64 = 0.8;
 
-/// Desired speed for the goal alone, and where to wait if the agent is early.
+/// Desired speed for the goal alone, and where to wait if the agent is early, for a rear axle at an arc length [m] and a
+/// speed [m/s].
 ///
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
 /// brings the agent into the area at the middle of the time interval or before its end, whichever is later: shortly
@@ -32,18 +32,18 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 /// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.
 pub(super) fn desired(
     request: &PlanRequest,
-    start: &Start,
+    (s, velocity): (f64, f64),
     deceleration: f64,
     cruise_velocity_min: f64,
     is_free: bool,
 ) -> (f64, Option<f64>) {
     let Some(goal) = request.goal.states.iter().max_by_key(|state| state.time_step.1) else {
-        return (start.velocity, None);
+        return (velocity, None);
     };
     let goal_velocity = goal.velocity.map(|(low, high)| 0.5 * (low + high));
-    let onwards = goal_velocity.unwrap_or(start.velocity.max(cruise_velocity_min));
+    let onwards = goal_velocity.unwrap_or(velocity.max(cruise_velocity_min));
     let (entry, exit) = (request.route.goal_entry_s, request.route.goal_exit_s);
-    let center = start.s + request.vehicle.rear_axle_to_center;
+    let center = s + request.vehicle.rear_axle_to_center;
     // False for goals without a place, too: their arc lengths are NaN.
     let to_come = exit > center && entry.is_finite();
     if goal.areas.is_empty() || !to_come {
@@ -55,7 +55,7 @@ pub(super) fn desired(
     let stop = is_early.then_some(exit - GOAL_END_GAP - request.vehicle.rear_axle_to_center);
     if center >= entry {
         let room = (exit - GOAL_END_GAP - center).max(0.0);
-        let inside = goal_velocity.unwrap_or(start.velocity);
+        let inside = goal_velocity.unwrap_or(velocity);
         let waiting = if is_early { (room / earliest).min((deceleration * room).sqrt()) } else { inside };
         return (inside.min(waiting), stop);
     }
@@ -74,14 +74,14 @@ pub(super) fn desired(
     let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0));
     let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if is_late {
-        let limit = Some(request.rules.way.limits.at(start.s)).filter(|limit| limit.is_finite());
+        let limit = Some(request.rules.way.limits.at(s)).filter(|limit| limit.is_finite());
         let free = free.max(limit.unwrap_or(0.0));
         return (free.max(cruise_velocity_min).min(approach), stop);
     }
     let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));
     let not_too_early = if is_early { arriving_after(soonest) } else { f64::INFINITY };
-    let is_limited = request.rules.way.limits.at(start.s).is_finite();
-    let early = if is_limited { sparing(EARLY_SHARE).min(start.velocity + EARLY_STEP) } else { 0.0 };
+    let is_limited = request.rules.way.limits.at(s).is_finite();
+    let early = if is_limited { sparing(EARLY_SHARE).min(velocity + EARLY_STEP) } else { 0.0 };
     (free.min(approach).min(not_too_early).max(needed).max(early), stop)
 }
 

@@ -59,6 +59,12 @@ impl CarFollowing {
         -self.acceleration * ratio * ratio
     }
 
+    /// The acceleration behind a leader without a desired speed [m/s²]: what is left of the model if the road ahead of it were
+    /// free.
+    pub(super) fn following(&self, velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
+        self.acceleration + self.interaction(velocity, gap, leader_velocity)
+    }
+
     /// The whole model [m/s²]: a (1 - (v / v0)^delta - (s* / s)²).
     pub fn acceleration(&self, velocity: f64, desired_velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
         self.free(velocity, desired_velocity) + self.interaction(velocity, gap, leader_velocity)

@@ -10,9 +10,10 @@ mod path_interval;
 
 pub(super) use path_interval::Ego;
 
-use super::car_following::{CarFollowing, PathMotion};
+use super::car_following::PathMotion;
 use super::{Other, PlanRequest};
 use crate::barrier::Barriers;
+use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use path_interval::{
     OUTSIDE, PathInterval, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
@@ -217,8 +218,68 @@ impl Conflicts {
         }
     }
 
-    /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²]; infinite without any.
-    pub(super) fn allowed(&self, point: usize, ego: &Ego, s: f64, velocity: f64, law: &CarFollowing) -> f64 {
+    /// The vehicle waits for all occupancies that begin later, but for those who join behind it.
+    pub(super) fn yield_to_all(&mut self, ego: &Ego) {
+        for occupancy in &mut self.occupancies {
+            let interval = &self.intervals[occupancy.row + occupancy.first];
+            let is_ahead = 0.5 * (interval.low + interval.high) > ego.s + ego.middle();
+            occupancy.counts = occupancy.first == 0 || !occupancy.along || is_ahead;
+        }
+    }
+
+    /// Something crosses the path, or begins to occupy it later.
+    pub(super) fn has_later(&self) -> bool {
+        self.occupancies.iter().any(PathOccupancy::is_crossing)
+    }
+
+    /// With its rear axle at an arc length at the end [m] and a speed [m/s] the vehicle has left all stretches that others
+    /// cross, or can stop before them.
+    pub(super) fn is_clear(&self, ego: &Ego, s: f64, velocity: f64, deceleration: f64) -> bool {
+        self.occupancies.iter().filter(|occupancy| occupancy.is_crossing()).all(|occupancy| {
+            let intervals = &self.intervals[occupancy.row + occupancy.first..=occupancy.row + occupancy.last];
+            let exit = intervals.iter().map(|interval| interval.high).fold(f64::NEG_INFINITY, f64::max);
+            s + ego.to_rear > exit || s + ego.to_front + 0.5 * velocity * velocity / deceleration < occupancy.entry
+        })
+    }
+
+    /// Drops those who stand and whom the footprint, larger by a margin [m], does not touch along the path at the target.
+    pub(super) fn spare_untouched(&mut self, request: &PlanRequest, ego: &Ego, margin: f64) {
+        const STEP: f64 = 0.5;
+        let Self { occupancies, intervals, .. } = self;
+        occupancies.retain(|occupancy| {
+            let first = &intervals[occupancy.row + occupancy.first];
+            let last = &intervals[occupancy.row + occupancy.last];
+            let stays = (first.low - last.low).abs() < 0.1;
+            let stands = occupancy.along && first.velocity == 0.0 && last.velocity == 0.0 && stays;
+            let other = &request.others[occupancy.other];
+            if !stands || other.shape.parts().len() > 1 || occupancy.first > 0 {
+                return true;
+            }
+            let body = other.shape.oriented_box(other.pose).grown(margin);
+            let vehicle = request.vehicle;
+            let from = (first.low - ego.to_front).max(ego.s);
+            let n = ((first.high - ego.to_rear - from) / STEP).ceil().max(0.0) as usize;
+            (0..=n).any(|i| {
+                let at = ego.path.at(from + i as f64 * STEP);
+                let axis = at.tangent();
+                let center = at.position + axis.left() * ego.target + axis * vehicle.rear_axle_to_center;
+                let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
+                OrientedBox { center, axis, half_length, half_width }.overlaps(&body)
+            })
+        });
+    }
+
+    /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²], for a vehicle at an arc
+    /// length [m] with a speed [m/s]; infinite without any. `follow` gives the acceleration for a gap [m] behind a leader of
+    /// a speed [m/s], of which `minimum_gap` [m] is kept; those who cross may be left out.
+    pub(super) fn allowed(
+        &self,
+        point: usize,
+        ego: &Ego,
+        (s, velocity): (f64, f64),
+        (minimum_gap, counts_crossing): (f64, bool),
+        follow: impl Fn(f64, f64) -> f64,
+    ) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
         for barrier in self.barriers.iter() {
@@ -227,35 +288,38 @@ impl Conflicts {
                 continue;
             }
             let room = barrier.s - LINE_GAP - front;
-            let waits = following(law, velocity, room + law.minimum_gap, 0.0);
+            let waits = follow(room + minimum_gap, 0.0);
             let arrives = if left.is_finite() { not_before(room, velocity, 0.0, left) } else { f64::NEG_INFINITY };
             least = least.min(waits.max(arrives));
         }
         for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
+            if !counts_crossing && occupancy.is_crossing() {
+                continue;
+            }
             let interval = |at: usize| &self.intervals[occupancy.row + at];
             let acceleration = if !occupancy.along {
                 if occupancy.entry < front - COMMITTED {
                     continue;
                 }
-                let stop = following(law, velocity, occupancy.entry - front, 0.0);
+                let stop = follow(occupancy.entry - front, 0.0);
                 if occupancy.stays {
                     stop
                 } else {
                     let time = (occupancy.last + 1 - point) as f64 * self.dt + TIME_CLEARANCE;
-                    stop.max(not_before(occupancy.entry - front - 0.5 * law.minimum_gap, velocity, 0.0, time))
+                    stop.max(not_before(occupancy.entry - front - 0.5 * minimum_gap, velocity, 0.0, time))
                 }
             } else if point >= occupancy.first {
                 let interval = interval(point);
                 if 0.5 * (interval.low + interval.high) <= front {
                     continue;
                 }
-                following(law, velocity, interval.low - front, interval.velocity)
+                follow(interval.low - front, interval.velocity)
             } else {
                 let joined = interval(occupancy.first);
                 let time = (occupancy.first - point) as f64 * self.dt;
                 let moved_back = joined.low - joined.velocity * time;
-                let keep = following(law, velocity, moved_back - front, joined.velocity);
-                let room = joined.low - front - law.minimum_gap;
+                let keep = follow(moved_back - front, joined.velocity);
+                let room = joined.low - front - minimum_gap;
                 keep.max(not_before(room, velocity, joined.velocity, time))
             };
             least = least.min(acceleration);
@@ -264,9 +328,11 @@ impl Conflicts {
     }
 }
 
-/// The acceleration behind a leader without a desired speed: what is left of the model if the road ahead of it were free.
-fn following(law: &CarFollowing, velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
-    law.acceleration + law.interaction(velocity, gap, leader_velocity)
+impl PathOccupancy {
+    /// It crosses the path, or begins to occupy it later.
+    fn is_crossing(&self) -> bool {
+        self.first > 0 || !self.along
+    }
 }
 
 /// Constant acceleration with which a distance is not used up before a time is over [m/s²]; infinite if it is not anyway.

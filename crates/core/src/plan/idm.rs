@@ -33,7 +33,7 @@ settings! {
 impl IdmSettings {
     /// Desired speed from the goal alone [m/s].
     pub(super) fn goal_velocity(&self, request: &PlanRequest, start: &Start) -> f64 {
-        let (velocity, _) = arrival::desired(request, start, self.law.deceleration, CRUISE_VELOCITY_MIN, false);
+        let (velocity, _) = arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, false);
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
     }
 }
@@ -58,7 +58,8 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)));
         // The model adds both parts; `allowed` holds the acceleration of a free road.
-        let taken = conflicts.allowed(point, &ego, s, velocity, law) - law.acceleration;
+        let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
+        let taken = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration;
         limited(free + taken.min(0.0), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);

@@ -5,6 +5,7 @@ mod arrival;
 mod car_following;
 mod emergency_braking;
 mod frame;
+mod lane_change;
 mod lanes;
 mod neighbours;
 pub mod frenet;
@@ -14,11 +15,13 @@ mod mobil;
 mod prediction_index;
 pub mod external_plan;
 mod speed_profile;
+mod passing;
 mod path_motion;
 pub mod policy;
 mod polynomial;
 mod recorded;
 mod recorded_path;
+pub mod rollout;
 mod velocity_adjusting;
 pub mod weights;
 
@@ -45,6 +48,8 @@ use recorded_path::RecordedPath;
 /// The planner of an agent.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Planner {
+    /// Closed-loop roll-outs along the reference path.
+    Rollout(Box<rollout::RolloutSettings>),
     /// Sampling in the Frenet frame of the reference path.
     Frenet(Box<frenet::FrenetSettings>),
     /// The recording, state by state.
@@ -64,7 +69,7 @@ pub enum Planner {
 impl Planner {
     /// It stops before what [`Rules::told`] names.
     pub fn heeds_barriers(&self) -> bool {
-        matches!(self, Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
+        matches!(self, Self::Rollout(_) | Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
     }
 }
 
@@ -204,7 +209,7 @@ pub enum Prepared {
     /// The lanes that lead to the goal.
     Lanes(Lanes),
     /// The lanes of a route with lane changes.
-    LaneRoutes(Box<frenet::LaneRoutes>),
+    LaneRoutes(Box<lane_change::LaneRoutes>),
     /// What is known about the route of an observer.
     PathTable(Box<PathTable>),
 }
@@ -224,11 +229,11 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Frenet(_) => {
-                let lanes = frenet::LaneRoutes::along(route, goal, scenario, rules);
+            Planner::Rollout(_) => {
+                let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
                 Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -248,16 +253,16 @@ impl Prepared {
         }
     }
 
-    /// The request in the frame in which the sampling planner answers it.
-    fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &frenet::FrenetSettings) -> PlanRequest<'a> {
-        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, settings) } else { *request }
+    /// The request in the frame of the lane in which the agent drives.
+    fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &rollout::Comfort) -> PlanRequest<'a> {
+        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, comfort) } else { *request }
     }
 }
 
 /// All samples of a planner with their costs and the reasons of rejection; `None` if it has none.
 pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<frenet::Candidates> {
     let Planner::Frenet(settings) = planner else { return None };
-    Some(frenet::candidates(&prepared.aim(request, settings), settings))
+    Some(frenet::candidates(request, settings))
 }
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
@@ -269,6 +274,7 @@ pub struct PlanningMemory {
     /// Always empty between plans.
     pub(crate) others: Vec<Other<'static>>,
     frenet: frenet::FrenetMemory,
+    rollout: rollout::RolloutMemory,
     policy: policy::PolicyMemory,
     conflicts: conflicts::Conflicts,
     speed_profile: speed_profile::SpeedProfile,
@@ -308,9 +314,15 @@ pub fn plan(
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
         (Planner::Frenet(settings), _) => {
-            let found = frenet::plan(&prepared.aim(request, settings), settings, &mut memory.frenet);
+            let found = frenet::plan(request, settings, &mut memory.frenet);
             memory.effort = memory.frenet.effort();
             found
+        }
+        (Planner::Rollout(settings), _) => {
+            let aimed = prepared.aim(request, &settings.comfort);
+            let found = rollout::plan(&aimed, settings, &mut memory.rollout);
+            memory.effort = memory.rollout.effort();
+            found.unwrap_or_else(|| refused(request, memory, "the agent is not beside its path"))
         }
         (Planner::Recorded, Prepared::RecordedPath(recorded_path)) => recorded::plan(request, recorded_path, memory),
         (Planner::VelocityAdjusting(law), Prepared::RecordedPath(recorded_path)) => {

@@ -32,7 +32,29 @@ impl SpeedProfile {
             let beyond = at > path.length();
             self.values.push(if beyond { limits.at(at) } else { curve.min(limits.at(at)) });
         }
-        for i in (0..n - 1).rev() {
+        self.brake(deceleration);
+    }
+
+    /// Also slow enough to turn the wheels as fast as the path bends, for a steering rate [rad/s] and a wheelbase [m].
+    pub(super) fn steer(&mut self, path: &ReferencePath, (rate, wheelbase): (f64, f64), deceleration: f64) {
+        /// The change of curvature is that over twice this length [m].
+        const HALF: f64 = 1.5;
+        let n = self.values.len();
+        for i in 0..n {
+            let at = self.from + i as f64 * SPACING;
+            let (before, after) = (path.curvature_at(at - HALF), path.curvature_at(at + HALF));
+            let change = (after - before).abs() / (2.0 * HALF);
+            // The tangent of the steering angle.
+            let tangent = wheelbase * 0.5 * (before + after);
+            let fastest = rate * (1.0 + tangent * tangent) / (wheelbase * change).max(1e-6);
+            self.values[i] = self.values[i].min(fastest);
+        }
+        self.brake(deceleration);
+    }
+
+    /// Lowers speeds from which those ahead cannot be reached.
+    fn brake(&mut self, deceleration: f64) {
+        for i in (0..self.values.len() - 1).rev() {
             let reachable = (self.values[i + 1].powi(2) + 2.0 * deceleration * SPACING).sqrt();
             self.values[i] = self.values[i].min(reachable);
         }

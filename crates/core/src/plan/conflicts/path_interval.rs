@@ -69,6 +69,8 @@ pub(in crate::plan) struct Ego<'a> {
     pub(in crate::plan) s: f64,
     pub(in crate::plan) velocity: f64,
     pub(in crate::plan) d: f64,
+    /// The offset that it drives to [m].
+    pub(in crate::plan) target: f64,
     /// From the rear axle to the front and the rear of the footprint, along the path [m].
     pub(in crate::plan) to_front: f64,
     pub(in crate::plan) to_rear: f64,
@@ -92,6 +94,7 @@ impl<'a> Ego<'a> {
             s,
             velocity,
             d,
+            target: 0.0,
             to_front: vehicle.rear_axle_to_center + 0.5 * vehicle.length,
             to_rear: vehicle.rear_axle_to_center - 0.5 * vehicle.length,
             half_width: 0.5 * vehicle.width,
@@ -102,9 +105,9 @@ impl<'a> Ego<'a> {
 
     /// Right and left edge of the corridor at a time from now [m].
     fn corridor(&self, time: f64) -> (f64, f64) {
-        let d = self.d * (1.0 - time / self.return_time).max(0.0);
+        let d = self.target + (self.d - self.target) * (1.0 - time / self.return_time).max(0.0);
         let half = self.half_width + CORRIDOR_MARGIN;
-        (d.min(0.0) - half, d.max(0.0) + half)
+        (d.min(self.target) - half, d.max(self.target) + half)
     }
 
     /// How far the front swings out of the corridor on the right and on the left of an arc length: the rear axle follows
@@ -145,7 +148,7 @@ impl Region {
             turn = turn.max((at.theta - here.theta).abs());
         }
         // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
-        let aabb = aabb.grown(ego.half_width + ego.d.abs() + CORRIDOR_MARGIN + 0.7);
+        let aabb = aabb.grown(ego.half_width + ego.d.abs().max(ego.target.abs()) + CORRIDOR_MARGIN + 0.7);
         let here = Some((origin, axis));
         Self { aabb, behind: here.filter(|_| nearest >= 0.0), straight: here.filter(|_| turn < STRAIGHT_TURN) }
     }

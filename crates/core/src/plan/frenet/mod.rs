@@ -12,10 +12,6 @@
 
 // Each uses only those above it.
 mod settings;
-mod passing;
-mod oncoming;
-mod detour;
-mod lane_change;
 mod targets;
 mod feasibility;
 mod profiles;
@@ -40,9 +36,9 @@ mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
-pub use lane_change::LaneRoutes;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
+pub(super) use obstacles::part_boxes;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult, emergency_braking};

@@ -312,6 +312,11 @@ fn with_margin(plain: &OrientedBox, margin: [f64; 2], ego: &OrientedBox) -> (Ori
     if ego.overlaps(&grown) { (*plain, ego.overlaps(plain)) } else { (grown, false) }
 }
 
+/// Boxes of the parts of what stands.
+pub(in crate::plan) fn part_boxes(other: &Other) -> impl Iterator<Item = OrientedBox> {
+    other.shape.parts().iter().map(|part| part_box(part, other.pose).0)
+}
+
 /// Smallest box around a convex part along one of its sides, world frame, and whether it is larger than the part.
 fn part_box(part: &ConvexPart, pose: Pose) -> (OrientedBox, bool) {
     let vertices = &part.vertices;

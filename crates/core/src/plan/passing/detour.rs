@@ -1,9 +1,8 @@
 //! When the lane of the other direction is free to pass what stands.
 
 use super::super::PlanRequest;
-use super::super::frame::Start;
 use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
-use super::passing::{CLEARANCES, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
+use super::{CLEARANCES, Place, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::conduct::STATIONARY_SPEED;
 use crate::rules::{EARLY_ACCELERATION, travel_time};
 
@@ -15,9 +14,6 @@ const GAP_UNDER_WAY: f64 = 0.5;
 /// from the other end can return before it.
 const WAITING_GAP: f64 = 7.0;
 const YIELDING_GAP: f64 = 11.0;
-/// Offset of the front at which the swing ends [m], and the shortest and longest swing.
-const SWING_BESIDE: f64 = 2.0;
-const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
 const ACCELERATION: f64 = 1.0;
 const SPEED: f64 = 6.0;
@@ -83,18 +79,13 @@ impl Detour {
         self.rear
     }
 
-    /// Length in which an agent has moved over that starts from rest, with its front at an arc length [m].
-    pub(super) fn swing(&self, front: f64) -> f64 {
-        (self.rear - front + SWING_BESIDE).clamp(SWING.0, SWING.1)
-    }
-
     /// What the agent follows at a gap [m] until it may pass; `None` if it may pass now. It depends on nothing but what the
     /// agent sees: once beside what stands, or too fast to stop before it, the agent goes on; when it has begun to move
     /// over, smaller gaps suffice.
     pub(super) fn wait(
         &self,
         request: &PlanRequest,
-        start: &Start,
+        start: &Place,
         leaders: &[Leader],
         (deceleration, gap): (f64, f64),
     ) -> Option<Leader> {
@@ -108,7 +99,7 @@ impl Detour {
             return None;
         }
         // Both ways of the swing are half on the lane of the other direction.
-        let swing = 0.5 * reach(start);
+        let swing = 0.5 * reach(start.velocity);
         let (from, to) = (self.rear - swing, self.front + swing);
         let largest = start.velocity.max(SPEED);
         let enter = travel_time(from - front, start.velocity, largest, EARLY_ACCELERATION);

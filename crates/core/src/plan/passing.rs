@@ -1,12 +1,19 @@
 //! Obstructions that are passed, and the side on which there is room.
 
+mod detour;
+mod oncoming;
+
 use std::cell::OnceCell;
 
-use super::super::car_following::LEADER_HEADING_COSINE;
-use super::super::frame::Start;
-use super::super::{Other, PlanRequest};
+use super::car_following::LEADER_HEADING_COSINE;
+use super::conflicts::LINE_GAP;
+use super::rollout::Comfort;
+use super::{Other, PlanRequest};
+use crate::barrier::{Barrier, BarrierReason};
+use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
+use detour::{Detour, Leader};
 
 /// Clearances to a passed obstruction [m]: the first with enough room counts.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
@@ -21,9 +28,66 @@ pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
 const WAITING_REACH: f64 = 15.0;
 
+/// Largest offset at which something is passed [m].
+const OFFSET_MAX: f64 = 3.0;
+/// What leaves a vehicle this much room beside its middle is not in the way [m].
+const SIDE_ROOM: f64 = 0.4;
+/// How far away leaders are looked for [m], and for how long at the present speed [s].
+const LEADER_REACH: (f64, f64) = (40.0, 4.0);
+
 /// Distance ahead of its front within which the agent looks for a place beside an obstruction [m].
-pub(super) fn reach(start: &Start) -> f64 {
-    SWING_LENGTH.max(SWING_TIME * start.velocity)
+fn reach(velocity: f64) -> f64 {
+    SWING_LENGTH.max(SWING_TIME * velocity)
+}
+
+/// Where the agent is on its path: arc length and offset of the rear axle [m], speed [m/s].
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    s: f64,
+    d: f64,
+    velocity: f64,
+}
+
+/// What stands on the way and can be passed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Obstructions {
+    /// Offsets at which it can be passed now [m].
+    pub(super) beside: Vec<f64>,
+    /// Where the agent waits until it may pass over the lane of the other direction.
+    pub(super) wait: Option<Barrier>,
+}
+
+impl Obstructions {
+    /// Ahead of an agent with its rear axle at an arc length and an offset [m], with a speed [m/s].
+    pub(super) fn ahead(request: &PlanRequest, comfort: &Comfort, (s, d, velocity): (f64, f64, f64)) -> Self {
+        let place = Place { s, d, velocity };
+        let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
+        let near = front + reach(velocity);
+        let (mut found, mut leaders, mut blocks) = (Self::default(), Vec::new(), Vec::new());
+        for other in request.others {
+            let Some((standing, velocity)) = Standing::of(other, request, &place) else { continue };
+            let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
+            match passage {
+                Some(Passage::Here(offset)) if standing.rear < near => found.beside.push(offset),
+                Some(Passage::Here(_)) => {}
+                Some(Passage::Opposite(offset)) => blocks.push((standing.rear, standing.front, offset)),
+                None => leaders.push(Leader { rear: standing.rear, velocity }),
+            }
+        }
+        let Some(detour) = Detour::past(&mut blocks, request.vehicle.length) else { return found };
+        // Where the agent has to stop there is no room to return, as behind a leader that stands.
+        let stops = request.barriers(request.rules.way, s);
+        leaders.extend(stops.iter().filter(|one| one.until.is_infinite()).map(|one| Leader { rear: one.s, velocity: 0.0 }));
+        let gap = comfort.standstill_gap;
+        match detour.wait(request, &place, &leaders, (comfort.deceleration, gap)) {
+            Some(leader) => {
+                found.wait = Some(Barrier::lasting(leader.rear - gap + LINE_GAP, BarrierReason::Yield));
+            }
+            None if detour.rear() < near => found.beside.push(detour.offset),
+            None => {}
+        }
+        found
+    }
 }
 
 /// An obstruction, along and across the path.
@@ -49,8 +113,37 @@ pub(super) enum Passage {
 }
 
 impl Standing {
+    /// A participant that stands or moves along the path ahead, at least partly in the way, and its speed [m/s], 0 if it
+    /// stands. Structures of several parts are no leaders.
+    fn of(other: &Other, request: &PlanRequest, place: &Place) -> Option<(Self, f64)> {
+        if other.is_static && other.shape.parts().len() > 1 {
+            return None;
+        }
+        let (path, vehicle) = (&request.route.path, request.vehicle);
+        let body = other.shape.oriented_box(other.pose);
+        let distance = body.center.distance(request.state.pose().position);
+        let reach = LEADER_REACH.0 + LEADER_REACH.1 * place.velocity;
+        if distance > reach + body.half_length + body.half_width {
+            return None;
+        }
+        let (at, d) = path.project_near(body.center, place.s + 0.5 * distance, 0.5 * distance + 10.0)?;
+        let tangent = path.at(at).tangent();
+        let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
+        let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
+        let half_d = body.half_length * sin.abs() + body.half_width * cos.abs();
+        let side = 0.5 * vehicle.width + SIDE_ROOM;
+        let is_beside = d - half_d > place.d.max(0.0) + side || d + half_d < place.d.min(0.0) - side;
+        let stands = other.is_static || other.velocity.abs() < STATIONARY_SPEED;
+        let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
+        if is_beside || at < place.s + vehicle.rear_axle_to_center || !(stands || moves_along) {
+            return None;
+        }
+        let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
+        Some((Self { rear: at - half_s, front: at + half_s, d, half_d, cos }, velocity))
+    }
+
     /// Where the agent can pass it; not if it waits in a queue.
-    pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
+    fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
         let is_parked = is_parked(other);
         if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;

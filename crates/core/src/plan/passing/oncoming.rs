@@ -2,7 +2,7 @@
 
 use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::{Other, PlanRequest};
-use super::passing::{LEAD, QUEUE_OFFSET, is_parked, is_person};
+use super::{LEAD, QUEUE_OFFSET, is_parked, is_person};
 use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::Point;
 

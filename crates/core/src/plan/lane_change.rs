@@ -8,13 +8,13 @@
 //! the speeds equal in the room that is left. The sooner the change has to be done, the smaller the gaps that suffice. A
 //! change that is under way is seen from the previous plan.
 
-use super::super::arrival;
-use super::super::conflicts::Ego;
-use super::super::frame::Start;
-use super::super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
-use super::super::neighbours::{Interval, Neighbours, Next, intervals};
-use super::super::{LaneChange, PlanRequest};
-use super::settings::{Comfort, FrenetSettings};
+use super::arrival;
+use super::conflicts::Ego;
+use super::frame::Start;
+use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
+use super::neighbours::{Interval, Neighbours, Next, intervals};
+use super::rollout::Comfort;
+use super::{LaneChange, PlanRequest};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
@@ -100,13 +100,13 @@ impl LaneRoutes {
     }
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
-    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, settings: &FrenetSettings) -> PlanRequest<'a> {
+    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
         let leads_on = |aim: &Aim| {
             let lane = &self.lanes.lanes[aim.lane];
             lane.need(aim.s).is_some() && self.is_along(request, aim)
         };
         let Some(aim) = self.lanes.aimed_at(request, AIM_DISTANCE).filter(leads_on) else { return *request };
-        let (aim, lane_change) = self.choose(request, &settings.comfort, aim);
+        let (aim, lane_change) = self.choose(request, comfort, aim);
         PlanRequest { lane_change, ..self.on(request, aim) }
     }
 
@@ -212,7 +212,7 @@ impl LaneRoutes {
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
-        let (wish, _) = arrival::desired(&along, &start, comfort.deceleration, comfort.cruise_velocity_min, true);
+        let (wish, _) = arrival::desired(&along, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, true);
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;

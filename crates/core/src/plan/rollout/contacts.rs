@@ -1,0 +1,278 @@
+//! The others over the time of a plan: whom a roll-out hits first, and how near it comes to the rest.
+
+use super::super::frenet::part_boxes;
+use super::super::{Other, PlanRequest};
+use super::settings::RolloutSettings;
+use super::start::Start;
+use super::steering::RolloutPoint;
+use crate::geometry::Point;
+use crate::geometry::shape::OrientedBox;
+
+/// A follower keeps its distance while the agent stays within this of its offset [m].
+const OWN_LANE: f64 = 1.0;
+/// A participant behind is a follower if it heads within 45 degrees of the agent (cosine).
+const FOLLOWER_COSINE: f64 = 0.7;
+/// A participant that is faster than this [m/s] yields if this deceleration is enough [m/s²].
+const YIELDING_SPEED: f64 = 0.2;
+const YIELDING_DECELERATION: f64 = 4.0;
+/// Being nearer than this is a risk, along and across the other's heading [m], and this much more for each second ahead
+/// [m/s]: so predictions spread.
+const RISK_ALONG: (f64, f64) = (1.0, 0.5);
+const RISK_ACROSS: (f64, f64) = (0.3, 0.1);
+/// The risk is examined at every so many points.
+const RISK_STEP: usize = 3;
+/// The vehicle can accelerate by this on its way to what it may meet [m/s²].
+const ACCELERATION: f64 = 3.0;
+/// Room around what the vehicle can cover [m].
+const ROOM: f64 = 2.0;
+/// It moves to the side by at most this share of its way.
+const SIDE_SHARE: f64 = 0.3;
+
+/// The first contact of a roll-out, or where it leaves the road.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Contact {
+    /// The point at which it is found.
+    pub(super) point: usize,
+    /// Closing speed [m/s].
+    pub(super) speed: f64,
+    /// Position in the request's `others`; `None`: the edge of the road.
+    pub(super) other: Option<usize>,
+}
+
+impl Contact {
+    /// How bad it is, as [`super::RolloutWeights::contact`] says.
+    pub(super) fn severity(&self, dt: f64) -> f64 {
+        (1.0 + self.speed) / (self.point as f64 * dt).powi(2)
+    }
+}
+
+/// A mode of a participant, or a part of a structure.
+#[derive(Debug, Clone, Copy)]
+struct Body {
+    other: usize,
+    probability: f64,
+    /// It must not be hit.
+    is_hard: bool,
+    /// Its boxes: the first, and how many.
+    first: usize,
+    n: usize,
+    is_static: bool,
+    overlaps_now: bool,
+    /// Kept along and across [m].
+    margin: [f64; 2],
+    /// Of its box [m].
+    radius: f64,
+}
+
+/// All that the vehicle can meet; the memory is reused.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Surroundings {
+    bodies: Vec<Body>,
+    boxes: Vec<OrientedBox>,
+}
+
+impl Surroundings {
+    pub(super) fn prepare(&mut self, request: &PlanRequest, settings: &RolloutSettings, start: &Start, n_points: usize) {
+        self.bodies.clear();
+        self.boxes.clear();
+        let vehicle = request.vehicle;
+        let time = (n_points - 1) as f64 * request.dt;
+        let way = start.velocity * time + 0.5 * ACCELERATION * time * time;
+        let own = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
+        // A box ahead that holds all that the vehicle can cover.
+        let reach = OrientedBox {
+            center: own.center + own.axis * (0.5 * way),
+            axis: own.axis,
+            half_length: 0.5 * way + vehicle.length + ROOM,
+            half_width: (SIDE_SHARE * way).max(vehicle.length + ROOM),
+        };
+        for (index, other) in request.others.iter().enumerate() {
+            if other.is_static {
+                self.add_static((index, other), settings, (&own, &reach));
+            } else {
+                self.add_moving((index, other), (request, settings), (&own, &reach), n_points);
+            }
+        }
+    }
+
+    fn add_static(
+        &mut self,
+        (index, other): (usize, &Other),
+        settings: &RolloutSettings,
+        (own, reach): (&OrientedBox, &OrientedBox),
+    ) {
+        for body in part_boxes(other) {
+            if !body.grown(1.0).overlaps(reach) {
+                continue;
+            }
+            let (margin, overlaps_now) = margin(&body, own, settings);
+            let first = self.boxes.len();
+            self.boxes.push(body);
+            self.bodies.push(Body {
+                other: index,
+                probability: 1.0,
+                is_hard: true,
+                first,
+                n: 1,
+                is_static: true,
+                overlaps_now,
+                margin,
+                radius: body.radius(),
+            });
+        }
+    }
+
+    fn add_moving(
+        &mut self,
+        (index, other): (usize, &Other),
+        (request, settings): (&PlanRequest, &RolloutSettings),
+        (own, reach): (&OrientedBox, &OrientedBox),
+        n_points: usize,
+    ) {
+        let predictions = request.predictions;
+        let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
+        let n = predictions.n_steps.saturating_sub(shift).min(n_points - 1);
+        let modes = &predictions.probability[other.row * predictions.n_modes..][..predictions.n_modes];
+        let largest = modes.iter().copied().fold(0.0, f64::max);
+        let now = other.shape.oriented_box(other.pose);
+        let radius = other.shape.bounding_radius() + 1.0;
+        for (mode, &probability) in modes.iter().enumerate() {
+            if probability <= 0.0 {
+                continue;
+            }
+            let region = request.prediction_index.regions[other.row * predictions.n_modes + mode];
+            let (half_length, half_width) = (region.half_length + radius, region.half_width + radius);
+            if !(OrientedBox { half_length, half_width, ..region }).overlaps(reach) {
+                continue;
+            }
+            let first = self.boxes.len();
+            self.boxes.push(now);
+            let from = predictions.offset(other.row, mode) + shift;
+            for k in (from..from + n).take_while(|k| predictions.valid[*k]) {
+                let position = Point::new(predictions.x[k], predictions.y[k]);
+                self.boxes.push(other.shape.oriented_box_along(position, request.prediction_index.axis(k)));
+            }
+            let n = self.boxes.len() - first;
+            let (margin, overlaps_now) = margin(&now, own, settings);
+            let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
+            let radius = now.radius();
+            let is_static = false;
+            self.bodies.push(Body { other: index, probability, is_hard, first, n, is_static, overlaps_now, margin, radius });
+        }
+    }
+
+    fn at(&self, body: &Body, point: usize) -> Option<&OrientedBox> {
+        let place = if body.is_static { 0 } else { point };
+        (place < body.n).then(|| &self.boxes[body.first + place])
+    }
+
+    /// The first contact that is the vehicle's to avoid, with its margins or without.
+    pub(super) fn first_contact(
+        &self,
+        request: &PlanRequest,
+        points: &[RolloutPoint],
+        keeps_margin: bool,
+    ) -> Option<Contact> {
+        let mut first: Option<Contact> = None;
+        for body in self.bodies.iter().filter(|body| body.is_hard) {
+            let last = first.map_or(points.len(), |contact| contact.point);
+            first = self.contact(body, request, &points[..last], keeps_margin).or(first);
+        }
+        first
+    }
+
+    fn contact(&self, body: &Body, request: &PlanRequest, points: &[RolloutPoint], keeps_margin: bool) -> Option<Contact> {
+        let [along, across] = if keeps_margin { body.margin } else { [0.0; 2] };
+        let vehicle = request.vehicle;
+        let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along + across;
+        let mut before = self.at(body, 0)?;
+        let mut is_together = body.overlaps_now;
+        for i in 1..points.len() {
+            let other = self.at(body, i)?;
+            let (moved, way) = (other.center - before.center, points[i].center - points[i - 1].center);
+            let apart = points[i].center - other.center;
+            let other_before = std::mem::replace(&mut before, other);
+            let reach = radii + way.norm() + moved.norm();
+            if apart.norm_squared() > reach * reach {
+                is_together = false;
+                continue;
+            }
+            let (from, ego) = (points[i - 1].footprint(request), points[i].footprint(request));
+            let swept = OrientedBox::spanning(other_before, other);
+            let (half_length, half_width) = (swept.half_length + along, swept.half_width + across);
+            if !OrientedBox::spanning(&from, &ego).overlaps(&OrientedBox { half_length, half_width, ..swept }) {
+                is_together = false;
+                continue;
+            }
+            if is_together && apart.norm() >= (from.center - other_before.center).norm() - 1e-6 {
+                continue;
+            }
+            let keeps_lane = (points[i].d - points[0].d).abs() < OWN_LANE;
+            let change = &request.lane_change;
+            let is_behind = -apart.dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE;
+            if is_behind && (keeps_lane || change.is_accepted) {
+                return None;
+            }
+            let time = i as f64 * request.dt;
+            if keeps_lane && !change.is_under_way && must_yield(&ego, other, moved, request.dt, time) {
+                return None;
+            }
+            return Some(Contact { point: i, speed: (way - moved).norm() / request.dt, other: Some(body.other) });
+        }
+        None
+    }
+
+    /// Integral of the nearness to others [s].
+    pub(super) fn nearness(&self, request: &PlanRequest, points: &[RolloutPoint]) -> f64 {
+        let mut sum = 0.0;
+        let radius = 0.5 * request.vehicle.length.hypot(request.vehicle.width);
+        for body in &self.bodies {
+            for i in (RISK_STEP..points.len()).step_by(RISK_STEP) {
+                let Some(other) = self.at(body, i) else { break };
+                let time = i as f64 * request.dt;
+                let (long, wide) = (RISK_ALONG.0 + RISK_ALONG.1 * time, RISK_ACROSS.0 + RISK_ACROSS.1 * time);
+                let offset = points[i].center - other.center;
+                let reach = radius + body.radius + long;
+                if offset.norm_squared() > reach * reach {
+                    continue;
+                }
+                let ego = points[i].footprint(request);
+                let (cos, sin) = (other.axis.dot(ego.axis).abs(), other.axis.cross(ego.axis).abs());
+                let along = offset.dot(other.axis).abs()
+                    - other.half_length
+                    - ego.half_length * cos
+                    - ego.half_width * sin;
+                let across = other.axis.cross(offset).abs()
+                    - other.half_width
+                    - ego.half_length * sin
+                    - ego.half_width * cos;
+                let nearness = 1.0 - (along / long).max(across / wide).max(0.0);
+                if nearness > 0.0 {
+                    let is_follower =
+                        offset.dot(ego.axis) > ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE;
+                    if is_follower {
+                        break;
+                    }
+                    sum += body.probability * nearness;
+                }
+            }
+        }
+        sum * RISK_STEP as f64 * request.dt
+    }
+}
+
+/// The margins to keep to a body, none if the vehicle is nearer now, and whether it overlaps.
+fn margin(body: &OrientedBox, own: &OrientedBox, settings: &RolloutSettings) -> ([f64; 2], bool) {
+    let margins = [settings.margin_length, settings.margin_width];
+    let (half_length, half_width) = (body.half_length + margins[0], body.half_width + margins[1]);
+    let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
+    if is_near { ([0.0; 2], own.overlaps(body)) } else { (margins, false) }
+}
+
+/// The other would run with its front into the agent's rear half, although it can still stop.
+fn must_yield(ego: &OrientedBox, other: &OrientedBox, moved: Point, dt: f64, time: f64) -> bool {
+    let front = other.center + other.axis * other.half_length;
+    let speed = moved.dot(other.axis) / dt;
+    let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
+    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
+}

@@ -1,0 +1,299 @@
+//! Which proposals are driven, and which of them is the best.
+
+use super::super::conflicts::Ego;
+use super::super::frame::project;
+use super::super::passing::Obstructions;
+use super::super::PlanRequest;
+use super::contacts::Contact;
+use super::settings::{N_TERMS, RolloutSettings};
+use super::speeds::{Pace, Speeds, Task};
+use super::start::Start;
+use super::steering::{Rollout, Steering};
+use super::{DANGER_COST, RolloutMemory};
+
+/// An offset is given up in about this time [s]: the corridor in which others count shrinks so fast.
+const RETURN_TIME: f64 = 2.5;
+/// Plans that cost more than this in the lane look beside its middle.
+const HELD_UP_COST: f64 = 1.0;
+/// Ways beside the middle of the lane [m].
+const ASIDE: [f64; 4] = [0.5, -0.5, 1.0, -1.0];
+/// A way that is further from where the agent is may be taken quickly [m].
+const QUICK_OFFSET: f64 = 0.5;
+/// Plans that cost more where the road is narrow swing out first.
+const STUCK_COST: f64 = 3.0;
+/// Swinging out costs this from the beginning: the wheels are turned for more than the cost sees.
+const SWING_COST: f64 = 0.5;
+/// Shares of the tightest curvature, and times for which they are held [s], of vehicles that swing out.
+const SWINGS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+const SWING_TIMES: [f64; 2] = [0.8, 2.0];
+/// How far an agent swerves [m].
+const SWERVES: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
+/// Those who stand and whom the footprint misses by this are no leaders [m].
+const SPARED: f64 = 0.1;
+
+/// A way to drive, with what its speeds cost.
+struct Proposal {
+    bound: f64,
+    terms: [f64; 4],
+    /// Offset that it drives to [m].
+    target: f64,
+    pace: Pace,
+    steering: Steering,
+    speeds: Speeds,
+    is_emergency: bool,
+}
+
+/// A roll-out with its cost.
+pub(super) struct Evaluated<'a> {
+    pub(super) rollout: &'a Rollout,
+    pub(super) terms: [f64; N_TERMS],
+    pub(super) cost: f64,
+    pub(super) pace: Pace,
+    pub(super) contact: Option<Contact>,
+}
+
+/// The best that was driven.
+#[derive(Debug, Clone)]
+pub(super) struct Best {
+    pub(super) cost: f64,
+    pub(super) is_emergency: bool,
+    pub(super) rollout: Rollout,
+    pub(super) contact: Option<Contact>,
+    /// Desired speed on a free and straight road [m/s].
+    pub(super) wish: f64,
+}
+
+/// The search for one plan.
+pub(super) struct Search<'a> {
+    task: Task<'a>,
+    settings: &'a RolloutSettings,
+    memory: &'a mut RolloutMemory,
+    free: Speeds,
+    obstructions: Obstructions,
+    /// Where the plan before ends, across the path [m].
+    before: Option<f64>,
+    /// A roll-out left the road.
+    is_narrow: bool,
+    best: Option<Best>,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(
+        request: &'a PlanRequest<'a>,
+        settings: &'a RolloutSettings,
+        start: Start,
+        memory: &'a mut RolloutMemory,
+    ) -> Self {
+        let n_points = (settings.horizon / request.dt).round().max(1.0) as usize + 1;
+        let task = Task::new(request, &settings.comfort, start, n_points);
+        task.fill(&mut memory.profile);
+        memory.surroundings.prepare(request, settings, &start, n_points);
+        let free = Speeds::free(&task, &memory.profile);
+        let obstructions = Obstructions::ahead(request, &settings.comfort, (start.s, start.d, start.velocity));
+        let before = previous_offset(request);
+        Self { task, settings, memory, free, obstructions, before, is_narrow: false, best: None }
+    }
+
+    /// The lane first; beside its middle if something is in the way; swinging out where the road is narrow; emergencies.
+    pub(super) fn run(mut self) -> Best {
+        let request = self.task.request;
+        let start = self.task.start;
+        let step = request.lane_change.step.min(start.d.abs()).copysign(start.d);
+        let middle = start.d - step;
+        self.drive_beside(&[middle]);
+        if self.cost() > HELD_UP_COST {
+            let aside = ASIDE.iter().map(|aside| middle + aside);
+            let ways: Vec<f64> = aside.chain(self.obstructions.beside.iter().copied()).collect();
+            self.drive_beside(&ways);
+        }
+        if self.is_narrow && self.cost() > STUCK_COST {
+            self.swing_out();
+        }
+        if self.is_in_danger() {
+            self.evade();
+        }
+        self.best.expect("an agent can always brake")
+    }
+
+    fn cost(&self) -> f64 {
+        self.best.as_ref().map_or(f64::INFINITY, |best| best.cost)
+    }
+
+    fn is_in_danger(&self) -> bool {
+        self.best.as_ref().is_none_or(|best| best.contact.is_some() && best.cost > DANGER_COST)
+    }
+
+    /// The vehicle on a way; `conflicts` are those there.
+    fn look(&mut self, target: f64) -> Ego<'a> {
+        let Start { s, d, velocity, .. } = self.task.start;
+        let request = self.task.request;
+        let ego = Ego { target, ..Ego::new(request, &request.route.path, (s, velocity, d), RETURN_TIME) };
+        let mut barriers = request.barriers(request.rules.way, s);
+        barriers.extend(self.obstructions.wait);
+        self.memory.conflicts.collect(request, &ego, self.task.n_points, barriers);
+        self.memory.conflicts.spare_untouched(request, &ego, SPARED);
+        ego
+    }
+
+    fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
+        let RolloutMemory { conflicts, profile, .. } = &mut *self.memory;
+        Speeds::at(&self.task, (pace, ego), (conflicts, profile), &self.free)
+    }
+
+    fn proposal(&self, pace: Pace, (target, steering): (f64, Steering), speeds: Speeds) -> Proposal {
+        let terms = speeds.terms(&self.free, self.task.request.dt);
+        let bound = Speeds::cost(terms, &self.settings.weights);
+        Proposal { bound, terms, target, pace, steering, speeds, is_emergency: false }
+    }
+
+    /// Drives ways along the path.
+    fn drive_beside(&mut self, targets: &[f64]) {
+        let mut proposals: Vec<Proposal> = Vec::new();
+        for &target in targets {
+            let ego = self.look(target);
+            let mut paces = vec![Pace::Social];
+            if self.memory.conflicts.has_later() {
+                paces.extend([Pace::Yielding, Pace::Bold]);
+            }
+            paces.extend([Pace::Share(0.8), Pace::Share(0.6), Pace::Share(0.35), Pace::Stopping, Pace::Braking]);
+            let first = proposals.len();
+            for pace in paces {
+                let Some(speeds) = self.speeds(pace, &ego) else { continue };
+                if proposals[first..].iter().any(|known| known.speeds == speeds) {
+                    continue;
+                }
+                if (self.task.start.d - target).abs() > QUICK_OFFSET {
+                    proposals.push(self.proposal(pace, (target, Steering::QUICK), speeds.clone()));
+                }
+                proposals.push(self.proposal(pace, (target, Steering::FIRM), speeds));
+            }
+        }
+        self.choose(proposals);
+    }
+
+    /// Turns the wheels first, where the road is too narrow to follow the path.
+    fn swing_out(&mut self) {
+        let ego = self.look(0.0);
+        let mut proposals = Vec::new();
+        for pace in [Pace::Social, Pace::Share(0.5), Pace::Walking] {
+            let Some(speeds) = self.speeds(pace, &ego) else { continue };
+            proposals.push(self.proposal(pace, (0.0, Steering::FIRM), speeds.clone()));
+            for share in SWINGS {
+                for time in SWING_TIMES {
+                    let one = self.proposal(pace, (0.0, Steering::swinging(share, time)), speeds.clone());
+                    proposals.push(Proposal { bound: one.bound + SWING_COST, ..one });
+                }
+            }
+        }
+        self.choose(proposals);
+    }
+
+    /// Swerves and brakes as hard as the vehicle can.
+    fn evade(&mut self) {
+        let ego = self.look(0.0);
+        let d = self.task.start.d;
+        let mut proposals = Vec::new();
+        let slowing = self.speeds(Pace::Braking, &ego).expect("an agent can always brake");
+        for (pace, speeds) in [(Pace::Social, self.free.clone()), (Pace::Braking, slowing)] {
+            for swerve in SWERVES {
+                proposals.push(self.proposal(pace, (d + swerve, Steering::QUICK), speeds.clone()));
+            }
+        }
+        let speeds = self.speeds(Pace::Emergency, &ego).expect("an agent can always brake");
+        let (firm, hold, straight) = (Steering::FIRM, Steering::HOLD, Steering::STRAIGHT);
+        for way in [(0.0, firm), (d, firm), (0.0, hold), (0.0, straight), (1.0, firm), (-1.0, firm)] {
+            proposals.push(self.proposal(Pace::Emergency, way, speeds.clone()));
+        }
+        proposals.iter_mut().for_each(|one| one.is_emergency = true);
+        self.choose(proposals);
+    }
+
+    /// Drives what may be better than the best.
+    fn choose(&mut self, mut proposals: Vec<Proposal>) {
+        proposals.sort_by(|a, b| a.bound.total_cmp(&b.bound));
+        for proposal in &proposals {
+            if self.cost() <= proposal.bound {
+                break;
+            }
+            let narrow: &[Steering] = if proposal.steering == Steering::FIRM { &Steering::CORNERING } else { &[] };
+            for steering in std::iter::once(&proposal.steering).chain(narrow) {
+                if !self.drive(proposal, *steering) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Drives one proposal; says whether it leaves the road.
+    fn drive(&mut self, proposal: &Proposal, steering: Steering) -> bool {
+        let request = self.task.request;
+        let weights = &self.settings.weights;
+        let mut rollout = std::mem::take(&mut self.memory.rollout);
+        self.memory.effort += 1;
+        rollout.drive(request, &self.task.start, proposal.target, &proposal.speeds, steering);
+        let mut terms = [0.0; N_TERMS];
+        terms[..4].copy_from_slice(&proposal.terms);
+        let end = rollout.points[rollout.points.len() - 1].d;
+        terms[4..7].copy_from_slice(&[rollout.lateral, rollout.offset, self.before.map_or(0.0, |d| (end - d).abs())]);
+        let price = |terms: &[f64; N_TERMS]| {
+            // What the proposal costs beyond its speeds.
+            let extra = proposal.bound - Speeds::cost(proposal.terms, weights);
+            extra + weights.as_array().iter().zip(terms).map(|(weight, term)| weight * term).sum::<f64>()
+        };
+        if self.cost() <= price(&terms) {
+            self.memory.rollout = rollout;
+            return true;
+        }
+        let dt = request.dt;
+        let mut off_road = leaves_road(request, &rollout, self.settings.road_margin, &mut self.memory.road);
+        if off_road.is_some() {
+            terms[8] = 1.0;
+            off_road = leaves_road(request, &rollout, 0.0, &mut self.memory.road);
+        }
+        let surroundings = &self.memory.surroundings;
+        let mut contact = surroundings.first_contact(request, &rollout.points, true);
+        if contact.is_some() {
+            terms[9] = 1.0;
+            contact = surroundings.first_contact(request, &rollout.points, false);
+        }
+        terms[10] = contact.map_or(0.0, |contact| contact.severity(dt));
+        terms[11] = off_road.map_or(0.0, |contact| contact.severity(dt));
+        let first = contact.or(off_road);
+        if first.is_none() {
+            terms[7] = surroundings.nearness(request, &rollout.points);
+        }
+        let cost = price(&terms);
+        let evaluated = Evaluated { rollout: &rollout, terms, cost, pace: proposal.pace, contact: first };
+        self.memory.log.record(request, &evaluated);
+        self.is_narrow |= off_road.is_some();
+        if cost < self.cost() {
+            let is_emergency = proposal.is_emergency;
+            let best = Best { cost, is_emergency, rollout: rollout.clone(), contact: first, wish: self.task.wish };
+            self.best = Some(best);
+        }
+        self.memory.rollout = rollout;
+        off_road.is_some()
+    }
+}
+
+/// Offset at which the plan before ends [m].
+fn previous_offset(request: &PlanRequest) -> Option<f64> {
+    let last = request.previous?.points.last().filter(|point| point.is_finite())?;
+    let axle = request.vehicle.rear_axle_from_center(last.pose());
+    project(&request.route.path, axle, request.s_hint + 3.0 * request.state.velocity).map(|(_, d)| d)
+}
+
+/// Where the footprint, larger by a margin [m], leaves the road once it is fully on it.
+fn leaves_road(request: &PlanRequest, rollout: &Rollout, margin: f64, scratch: &mut Vec<u32>) -> Option<Contact> {
+    let mut was_on_road = request.was_on_road;
+    let mut before = rollout.points[0].footprint(request).grown(margin);
+    for (i, point) in rollout.points.iter().enumerate().skip(1) {
+        let footprint = point.footprint(request).grown(margin);
+        if was_on_road && !request.road.admits_motion(request.vehicle, &before, &footprint, scratch) {
+            return Some(Contact { point: i, speed: point.velocity, other: None });
+        }
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint, scratch);
+        before = footprint;
+    }
+    None
+}

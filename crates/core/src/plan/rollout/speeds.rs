@@ -1,0 +1,219 @@
+//! Speeds along a path: Gipps' safe speed behind leaders and before barriers, below a profile of curves, limits and what the
+//! steering can follow.
+
+use super::super::PlanRequest;
+use super::super::arrival;
+use super::super::car_following::PathMotion;
+use super::super::conflicts::{Conflicts, Ego};
+use super::super::speed_profile::SpeedProfile;
+use super::settings::{Comfort, RolloutWeights};
+use super::start::Start;
+
+/// A desired speed is reached with this time constant [s].
+const LAG: f64 = 0.7;
+/// Towards a lower desired speed an agent brakes with at most this multiple of the comfortable deceleration.
+const BRAKING_SHARE: f64 = 1.3;
+/// Harder braking than this is needed [m/s²]: its jerk is not limited.
+const NEEDED_BRAKING: f64 = 4.0;
+/// Curves and limits are looked at so far ahead [s].
+const PREVIEW: f64 = 0.5;
+/// Share of the vehicle's steering rate at which bends are entered.
+const STEERING_SHARE: f64 = 0.8;
+/// Walking pace [m/s].
+const WALKING_SPEED: f64 = 1.5;
+/// Share of the largest deceleration in an emergency.
+const FULL_BRAKING: f64 = 0.9;
+/// How far ahead curves and limits count [m], and for how long [s].
+const REACH: (f64, f64) = (20.0, 6.0);
+
+/// How a proposal chooses its speeds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Pace {
+    /// As fast as the road allows, behind those that go first.
+    Social,
+    /// Behind leaders only, if it has crossed the ways of others at its end.
+    Bold,
+    /// Behind all that cross or join.
+    Yielding,
+    /// The same at a share of the speed.
+    Share(f64),
+    /// The same at walking pace.
+    Walking,
+    /// Stops comfortably.
+    Stopping,
+    /// Stops quickly.
+    Braking,
+    /// Stops as hard as the vehicle can.
+    Emergency,
+}
+
+impl Pace {
+    /// Name, for people.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Social => "social",
+            Self::Bold => "bold",
+            Self::Yielding => "yielding",
+            Self::Share(_) => "slower",
+            Self::Walking => "walking",
+            Self::Stopping => "stopping",
+            Self::Braking => "braking",
+            Self::Emergency => "emergency",
+        }
+    }
+}
+
+/// Speed and acceleration at every point.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Speeds {
+    pub(super) velocity: Vec<f64>,
+    /// Constant up to the next point.
+    pub(super) acceleration: Vec<f64>,
+    /// Arc length at the end [m].
+    pub(super) s: f64,
+}
+
+/// What every proposal of a plan shares.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Task<'a> {
+    pub(super) request: &'a PlanRequest<'a>,
+    pub(super) comfort: &'a Comfort,
+    pub(super) start: Start,
+    pub(super) n_points: usize,
+    /// Desired speed on a free and straight road [m/s].
+    pub(super) wish: f64,
+}
+
+impl<'a> Task<'a> {
+    pub(super) fn new(request: &'a PlanRequest<'a>, comfort: &'a Comfort, start: Start, n_points: usize) -> Self {
+        let at = (start.s, start.velocity);
+        let (velocity, _) = arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, true);
+        let wish = request.lane_change.velocity.unwrap_or(velocity).min(request.vehicle.velocity_max).max(0.0);
+        Self { request, comfort, start, n_points, wish }
+    }
+
+    /// Fills the profile of a free road.
+    pub(super) fn fill(&self, profile: &mut SpeedProfile) {
+        let Self { request, comfort, start, .. } = self;
+        let (path, vehicle) = (&request.route.path, request.vehicle);
+        let reach = REACH.0 + REACH.1 * start.velocity;
+        let cornering = vehicle.cornering(comfort.lateral_acceleration);
+        profile.fill(path, &request.rules.way.limits, (start.s, reach), cornering, comfort.deceleration);
+        profile.steer(path, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
+    }
+}
+
+impl Speeds {
+    /// On a free road.
+    pub(super) fn free(task: &Task, profile: &SpeedProfile) -> Self {
+        integrate(task, |_, s, velocity| {
+            let cap = profile.at(s + PREVIEW * velocity).min(task.wish);
+            towards(cap, velocity, task.comfort)
+        })
+    }
+
+    /// At a pace, among others; `None` if the pace is not possible.
+    pub(super) fn at(
+        task: &Task,
+        (pace, ego): (Pace, &Ego),
+        (conflicts, profile): (&mut Conflicts, &SpeedProfile),
+        free: &Self,
+    ) -> Option<Self> {
+        let (comfort, vehicle) = (task.comfort, task.request.vehicle);
+        match pace {
+            Pace::Stopping => return Some(integrate(task, |_, _, _| -comfort.deceleration)),
+            Pace::Braking => return Some(integrate(task, |_, _, _| -2.0 * comfort.deceleration)),
+            Pace::Emergency => return Some(integrate(task, |_, _, _| -FULL_BRAKING * vehicle.acceleration_max)),
+            Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
+            Pace::Yielding | Pace::Share(_) | Pace::Walking => conflicts.yield_to_all(ego),
+        }
+        let most = if pace == Pace::Walking { WALKING_SPEED } else { f64::INFINITY };
+        let share = if let Pace::Share(share) = pace { share } else { 1.0 };
+        let gap = comfort.standstill_gap;
+        let counts_crossing = pace != Pace::Bold;
+        let found = integrate(task, |point, s, velocity| {
+            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
+            let follow = |room: f64, leader: f64| {
+                let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
+                (safe - velocity) / comfort.time_gap
+            };
+            let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
+            towards(cap, velocity, comfort).min(allowed)
+        });
+        let last = found.velocity[task.n_points - 1];
+        (counts_crossing || conflicts.is_clear(ego, found.s, last, comfort.deceleration)).then_some(found)
+    }
+
+    /// As motions along the path.
+    fn motions(&self, task: &Task) -> Vec<PathMotion> {
+        let mut s = task.start.s;
+        let motion = |(velocity, acceleration): (&f64, &f64)| {
+            let here = PathMotion { s, velocity: *velocity, acceleration: *acceleration };
+            s += velocity * task.request.dt;
+            here
+        };
+        self.velocity.iter().zip(&self.acceleration).map(motion).collect()
+    }
+
+    /// The terms of the cost that follow from speeds alone: progress, end velocity, acceleration, jerk.
+    pub(super) fn terms(&self, free: &Self, dt: f64) -> [f64; 4] {
+        let n = self.velocity.len();
+        let lost: f64 = free.velocity.iter().zip(&self.velocity).map(|(free, own)| (free - own).max(0.0)).sum();
+        let end = (free.velocity[n - 1] - self.velocity[n - 1]).max(0.0);
+        let acceleration: f64 = self.acceleration.iter().map(|a| a * a).sum();
+        let jerk: f64 = self.acceleration.windows(2).map(|pair| ((pair[1] - pair[0]) / dt).powi(2)).sum();
+        [lost * dt, end, acceleration * dt, jerk * dt]
+    }
+
+    /// What these terms cost.
+    pub(super) fn cost(terms: [f64; 4], weights: &RolloutWeights) -> f64 {
+        weights.as_array().iter().zip(terms).map(|(weight, term)| weight * term).sum()
+    }
+}
+
+fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
+    ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * comfort.deceleration, comfort.acceleration)
+}
+
+/// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
+/// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
+fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
+    let lag = b * reaction;
+    let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
+    (radicand.max(0.0).sqrt() - lag).max(0.0)
+}
+
+/// Constant acceleration between points, within the vehicle's limits and those of jerk.
+fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds {
+    let Task { request, comfort, start, n_points, .. } = *task;
+    let (vehicle, dt) = (request.vehicle, request.dt);
+    let (mut s, mut velocity) = (start.s, start.velocity);
+    let mut before = request.state.acceleration.clamp(-vehicle.acceleration_max, comfort.acceleration);
+    let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
+    for point in 0..n_points {
+        let wanted = law(point, s, velocity);
+        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
+        let wanted = wanted.clamp(lowest, (before + comfort.jerk * dt).max(lowest));
+        let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
+        let acceleration = wanted.max(-velocity / dt);
+        velocities.push(velocity);
+        accelerations.push(acceleration);
+        s += (velocity + 0.5 * acceleration * dt) * dt;
+        velocity = (velocity + acceleration * dt).max(0.0);
+        before = acceleration;
+    }
+    Speeds { velocity: velocities, acceleration: accelerations, s }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {
+        for v in [3.0, 10.0, 25.0] {
+            assert!((safe_velocity(v * 0.85, v, (0.85, 3.0)) - v).abs() < 1e-9);
+        }
+        assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
+    }
+}

@@ -1,0 +1,36 @@
+//! Where a plan starts: any state of a vehicle, in the frame of its path.
+
+use super::super::PlanRequest;
+use super::super::frame::project;
+use crate::conduct::STANDSTILL_SPEED;
+
+/// Where the agent is on its path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::plan) struct Start {
+    /// Arc length and offset of the rear axle [m].
+    pub(in crate::plan) s: f64,
+    pub(in crate::plan) d: f64,
+    /// Speed [m/s]; a vehicle that rolls backwards counts as standing.
+    pub(in crate::plan) velocity: f64,
+    /// Curvature of the rear axle's path [1/m].
+    pub(in crate::plan) curvature: f64,
+    /// The wheels may be turned before the vehicle moves.
+    pub(in crate::plan) stands: bool,
+}
+
+impl Start {
+    /// The yaw rate counts as stated, or is that of the path; `None` if the agent is not beside its path.
+    pub(super) fn new(request: &PlanRequest, yaw_rate_counts: bool) -> Option<Self> {
+        let (path, vehicle, state) = (&request.route.path, request.vehicle, &request.state);
+        let (s, d) = project(path, vehicle.rear_axle_from_center(state.pose()), request.s_hint)?;
+        let velocity = state.velocity.max(0.0);
+        let at = path.at(s);
+        // A vehicle that enters within a turn turns its wheels like the path.
+        let along = at.curvature / at.stretch(d).max(0.3);
+        let stands = velocity <= STANDSTILL_SPEED;
+        let stated = if stands { along } else { state.yaw_rate / velocity };
+        let limit = vehicle.curvature_max();
+        let curvature = if yaw_rate_counts { stated } else { along }.clamp(-limit, limit);
+        Some(Self { s, d, velocity, curvature, stands })
+    }
+}

@@ -1,0 +1,185 @@
+//! Steering: a driver follows a path at an offset by feedback, within the limits of the vehicle, so that what it drives can
+//! be driven from any state.
+
+use super::super::PlanRequest;
+use super::super::path_motion::point_at;
+use super::speeds::Speeds;
+use super::start::Start;
+use crate::geometry::polyline::ReferencePath;
+use crate::geometry::shape::OrientedBox;
+use crate::geometry::{Point, wrap_angle};
+use crate::trajectory::State;
+
+/// Offset and heading are corrected over a way of at least this length [m].
+const CORRECTION_LENGTH: f64 = 2.5;
+/// Larger offsets are corrected no harder [m].
+const OFFSET_MAX: f64 = 1.5;
+/// The front swings out of bends by at most twice this [m].
+const SWING_MAX: f64 = 4.0;
+/// Share of the vehicle's limits that is used: rounding must not exceed them.
+const LIMIT_SHARE: f64 = 0.98;
+/// The arc length of the foot follows where the path bends around the vehicle by at least this stretch.
+const STRETCH_MIN: f64 = 0.2;
+
+/// How a driver steers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Steering {
+    /// How far ahead it looks at the path [s].
+    preview: f64,
+    /// Time in which an offset is corrected [s].
+    time: f64,
+    /// How far inside bends it aims: 1 so that the rear is as far inside as the front is outside.
+    inside: f64,
+    /// What it holds before it follows the path, and for how long [s].
+    held: Option<(Held, f64)>,
+}
+
+/// A curvature that is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Held {
+    /// That of now.
+    Present,
+    /// A share of the tightest.
+    Share(f64),
+}
+
+impl Steering {
+    /// The ordinary driver.
+    pub(super) const FIRM: Self = Self { preview: 0.5, time: 0.8, inside: 0.0, held: None };
+    /// Swerves.
+    pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
+    /// Where the road is narrow, in turn.
+    pub(super) const CORNERING: [Self; 4] = [
+        Self { preview: 0.3, time: 0.6, inside: 1.0, held: None },
+        Self { preview: 0.2, time: 0.5, inside: 0.0, held: None },
+        Self { preview: 0.3, time: 0.6, inside: 2.0, held: None },
+        Self { preview: 0.3, time: 0.6, inside: -1.0, held: None },
+    ];
+    /// Keeps the wheels as they are.
+    pub(super) const HOLD: Self = Self { held: Some((Held::Present, f64::INFINITY)), ..Self::FIRM };
+    /// Straightens the wheels.
+    pub(super) const STRAIGHT: Self = Self { held: Some((Held::Share(0.0), f64::INFINITY)), ..Self::FIRM };
+
+    /// Turns the wheels to a share of the tightest curvature for a time first [s]: swings out.
+    pub(super) fn swinging(share: f64, time: f64) -> Self {
+        Self { preview: 0.3, time: 0.6, held: Some((Held::Share(share), time)), ..Self::FIRM }
+    }
+}
+
+/// A point of a roll-out.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RolloutPoint {
+    /// Centre of the footprint, and the unit vector along the heading.
+    pub(super) center: Point,
+    pub(super) axis: Point,
+    pub(super) theta: f64,
+    pub(super) curvature: f64,
+    pub(super) velocity: f64,
+    pub(super) acceleration: f64,
+    /// Offset of the rear axle from the path [m].
+    pub(super) d: f64,
+}
+
+impl RolloutPoint {
+    pub(super) fn footprint(&self, request: &PlanRequest) -> OrientedBox {
+        let (half_length, half_width) = (0.5 * request.vehicle.length, 0.5 * request.vehicle.width);
+        OrientedBox { center: self.center, axis: self.axis, half_length, half_width }
+    }
+}
+
+/// A motion of the vehicle.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rollout {
+    pub(super) points: Vec<RolloutPoint>,
+    /// Integral of the distance from the path [m s].
+    pub(super) offset: f64,
+    /// Integral of the squared lateral acceleration beyond that of the path [m²/s³].
+    pub(super) lateral: f64,
+}
+
+impl Rollout {
+    /// Drives with speeds along the path at an offset [m].
+    pub(super) fn drive(&mut self, request: &PlanRequest, start: &Start, target: f64, speeds: &Speeds, steering: Steering) {
+        let (vehicle, path, dt) = (request.vehicle, &request.route.path, request.dt);
+        let step = LIMIT_SHARE * vehicle.steering_step(dt);
+        let tightest = vehicle.curvature_max();
+        let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
+        let mut axle = vehicle.rear_axle_from_center(request.state.pose());
+        let mut theta = request.state.orientation;
+        let (mut s, mut curvature, mut before) = (start.s, start.curvature, start.velocity);
+        let mut at = point_at(path, s);
+        let mut d = start.d;
+        self.points.clear();
+        (self.offset, self.lateral) = (0.0, 0.0);
+        for (i, (&velocity, &acceleration)) in speeds.velocity.iter().zip(&speeds.acceleration).enumerate() {
+            if i > 0 {
+                let wanted = match steering.held {
+                    Some((held, until)) if i as f64 * dt <= until => match held {
+                        Held::Present => start.curvature,
+                        Held::Share(share) => share * tightest,
+                    },
+                    _ => {
+                        let from = s + before * steering.preview;
+                        // The middle of the front is outside of a bend by half of what the heading changes along the body.
+                        let swing = 0.5 * to_front * (heading(path, from + to_front) - heading(path, from));
+                        let aim = target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
+                        let length = CORRECTION_LENGTH.max(steering.time * before);
+                        let error = (d - aim).clamp(-OFFSET_MAX, OFFSET_MAX);
+                        let ahead = path.curvature_at(from);
+                        ahead - (error / length + 2.0 * wrap_angle(theta - at.theta)) / length
+                    }
+                };
+                let fastest = velocity.max(before);
+                let held = LIMIT_SHARE * vehicle.lateral_acceleration_beside(acceleration) / fastest.powi(2).max(1e-6);
+                let next = if i == 1 && start.stands {
+                    curvature = wanted.clamp(-tightest, tightest);
+                    curvature
+                } else {
+                    vehicle.turned(curvature, wanted, step, tightest.min(held))
+                };
+                let way = 0.5 * (before + velocity) * dt;
+                let turn = 0.5 * (curvature + next) * way;
+                axle = axle + Point::from_angle(theta + 0.5 * turn) * way;
+                theta += turn;
+                curvature = next;
+                // One step of Newton's method to the foot.
+                at = point_at(path, s + way);
+                let offset = axle - at.position;
+                d = at.tangent().cross(offset);
+                let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
+                s += way + ahead.clamp(-2.0 * way - 0.1, 2.0 * way + 0.1);
+                let beyond = velocity * velocity * (curvature - at.curvature);
+                self.lateral += beyond * beyond * dt;
+                self.offset += d.abs() * dt;
+            }
+            let axis = Point::from_angle(theta);
+            let center = axle + axis * vehicle.rear_axle_to_center;
+            self.points.push(RolloutPoint { center, axis, theta, curvature, velocity, acceleration, d });
+            before = velocity;
+        }
+    }
+
+    /// States of the footprint centre; the first is that of the request.
+    pub(super) fn states(&self, request: &PlanRequest) -> Vec<State> {
+        let state = |point: &RolloutPoint| State {
+            x: point.center.x,
+            y: point.center.y,
+            orientation: point.theta,
+            velocity: point.velocity,
+            acceleration: point.acceleration,
+            yaw_rate: point.curvature * point.velocity,
+        };
+        let mut states: Vec<State> = self.points.iter().map(state).collect();
+        states[0] = request.state;
+        // The acceleration of a state is the one that led to it.
+        for i in (1..states.len()).rev() {
+            states[i].acceleration = self.points[i - 1].acceleration;
+        }
+        states
+    }
+}
+
+/// Heading of the path at an arc length [rad].
+fn heading(path: &ReferencePath, s: f64) -> f64 {
+    path.theta()[((s / path.spacing()).max(0.0) as usize).min(path.theta().len() - 1)]
+}
