@@ -35,8 +35,8 @@ class RolloutWeights:
     progress: float = 1.0
     end_velocity: float = 0.7
     acceleration: float = 0.04
-    jerk: float = 0.002
-    lateral_acceleration: float = 0.1
+    jerk: float = 0.02
+    lateral_acceleration: float = 1.0
     offset: float = 0.5
     change: float = 0.5
     nearness: float = 1.0
@@ -67,9 +67,9 @@ class Comfort:
     time_gap: Annotated[float, "s"] = 0.85
     standstill_gap: Annotated[float, "m"] = 2.0
     acceleration: Annotated[float, "m/s²"] = 3.0
-    deceleration: Annotated[float, "m/s²"] = 3.0
-    jerk: Annotated[float, "m/s³"] = 12.0
-    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    deceleration: Annotated[float, "m/s²"] = 2.0
+    jerk: Annotated[float, "m/s³"] = 5.0
+    lateral_acceleration: Annotated[float, "m/s²"] = 2.5
     velocity_step: Annotated[float, "m/s"] = 5.0
     cruise_velocity_min: Annotated[float, "m/s"] = 5.0
 

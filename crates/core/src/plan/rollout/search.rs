@@ -141,7 +141,7 @@ impl<'a> Search<'a> {
     }
 
     fn proposal(&self, pace: Pace, (target, steering): (f64, Steering), speeds: Speeds) -> Proposal {
-        let terms = speeds.terms(&self.free, self.task.request.dt);
+        let terms = speeds.terms(&self.free, (self.task.request.state.acceleration, self.task.request.dt));
         let bound = Speeds::cost(terms, &self.settings.weights);
         Proposal { bound, terms, target, pace, steering, speeds, is_emergency: false }
     }
@@ -163,6 +163,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 if (self.task.start.d - target).abs() > QUICK_OFFSET {
+                    proposals.push(self.proposal(pace, (target, Steering::GENTLE), speeds.clone()));
                     proposals.push(self.proposal(pace, (target, Steering::QUICK), speeds.clone()));
                 }
                 proposals.push(self.proposal(pace, (target, Steering::FIRM), speeds));

@@ -1,6 +1,5 @@
 //! Settings of the planner: every number of its behaviour that a user may want to change.
 
-use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
 settings! {
@@ -13,9 +12,9 @@ settings! {
         /// Integral of the squared acceleration [m²/s³].
         acceleration: f64 = 0.04, NOT_NEGATIVE;
         /// Integral of the squared jerk [m²/s⁵].
-        jerk: f64 = 0.002, NOT_NEGATIVE;
+        jerk: f64 = 0.02, NOT_NEGATIVE;
         /// Integral of the squared lateral acceleration beyond that of the path [m²/s³].
-        lateral_acceleration: f64 = 0.1, NOT_NEGATIVE;
+        lateral_acceleration: f64 = 1.0, NOT_NEGATIVE;
         /// Integral of the distance from the reference path [m s].
         offset: f64 = 0.5, NOT_NEGATIVE;
         /// Distance of the end from where the plan before ends, across the path [m].
@@ -42,11 +41,11 @@ settings! {
         /// Acceleration on a free road.
         acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
         /// Deceleration before leaders, curves, barriers and the goal.
-        deceleration: f64 ["m/s²"] = COMFORTABLE_DECELERATION, positive(100.0);
+        deceleration: f64 ["m/s²"] = 2.0, positive(100.0);
         /// Largest jerk as long as the agent need not brake harder than 4 m/s².
-        jerk: f64 ["m/s³"] = 12.0, positive(1000.0);
+        jerk: f64 ["m/s³"] = 5.0, positive(1000.0);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
-        lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
+        lateral_acceleration: f64 ["m/s²"] = 2.5, positive(100.0);
         /// Largest difference between the present speed and the speed at which a gap for a lane change is looked for.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
         /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.

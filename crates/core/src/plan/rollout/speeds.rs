@@ -13,12 +13,19 @@ use super::start::Start;
 const LAG: f64 = 0.7;
 /// Towards a lower desired speed an agent brakes with at most this multiple of the comfortable deceleration.
 const BRAKING_SHARE: f64 = 1.3;
-/// Harder braking than this is needed [m/s²]: its jerk is not limited.
+/// The jerk may grow by this multiple of itself for each m/s² beyond the comfortable deceleration that is needed, ...
+const URGENCY: f64 = 2.0;
+/// ... and for braking harder than this it is not limited [m/s²].
 const NEEDED_BRAKING: f64 = 4.0;
 /// Curves and limits are looked at so far ahead [s].
 const PREVIEW: f64 = 0.5;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
+/// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
+const OPENING: f64 = 0.7;
+/// An agent that closes in keeps this share of the gap to a standing leader, and at least some room [m].
+const CLOSEST: f64 = 0.5;
+const ROOM_MIN: f64 = 0.1;
 /// Walking pace [m/s].
 const WALKING_SPEED: f64 = 1.5;
 /// Share of the largest deceleration in an emergency.
@@ -134,8 +141,7 @@ impl Speeds {
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let follow = |room: f64, leader: f64| {
-                let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
-                (safe - velocity) / comfort.time_gap
+                following((room, gap), (velocity, leader), comfort)
             };
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             towards(cap, velocity, comfort).min(allowed)
@@ -155,13 +161,15 @@ impl Speeds {
         self.velocity.iter().zip(&self.acceleration).map(motion).collect()
     }
 
-    /// The terms of the cost that follow from speeds alone: progress, end velocity, acceleration, jerk.
-    pub(super) fn terms(&self, free: &Self, dt: f64) -> [f64; 4] {
+    /// The terms of the cost that follow from speeds alone: progress, end velocity, acceleration, jerk from
+    /// the present acceleration on [m/s²].
+    pub(super) fn terms(&self, free: &Self, (now, dt): (f64, f64)) -> [f64; 4] {
         let n = self.velocity.len();
         let lost: f64 = free.velocity.iter().zip(&self.velocity).map(|(free, own)| (free - own).max(0.0)).sum();
         let end = (free.velocity[n - 1] - self.velocity[n - 1]).max(0.0);
         let acceleration: f64 = self.acceleration.iter().map(|a| a * a).sum();
-        let jerk: f64 = self.acceleration.windows(2).map(|pair| ((pair[1] - pair[0]) / dt).powi(2)).sum();
+        let before = std::iter::once(&now).chain(&self.acceleration);
+        let jerk: f64 = before.zip(&self.acceleration).map(|(a, b)| ((b - a) / dt).powi(2)).sum();
         [lost * dt, end, acceleration * dt, jerk * dt]
     }
 
@@ -173,6 +181,16 @@ impl Speeds {
 
 fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
     ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * comfort.deceleration, comfort.acceleration)
+}
+
+/// Acceleration towards the safe speed behind a leader [m/s²] for the room up to it and the part of it that is kept [m]. An
+/// agent that is too near but hardly closes in opens the gap gently instead: so traffic that is denser than comfortable
+/// does not come to a stop (the constant-acceleration heuristic of Treiber, Kesting, "Traffic Flow Dynamics", 2013, 11.4).
+fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &Comfort) -> f64 {
+    let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
+    let closing = (velocity - leader).max(0.0);
+    let needed = 0.5 * closing * closing / (room - CLOSEST * gap).max(ROOM_MIN);
+    ((safe - velocity) / comfort.time_gap).max(-needed - OPENING)
 }
 
 /// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
@@ -192,7 +210,9 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
         let wanted = law(point, s, velocity);
-        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
+        let urgency = 1.0 + URGENCY * (-wanted - comfort.deceleration).max(0.0);
+        let lowest =
+            if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - urgency * comfort.jerk * dt };
         let wanted = wanted.clamp(lowest, (before + comfort.jerk * dt).max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
         let acceleration = wanted.max(-velocity / dt);

@@ -46,6 +46,8 @@ enum Held {
 impl Steering {
     /// The ordinary driver.
     pub(super) const FIRM: Self = Self { preview: 0.5, time: 0.8, inside: 0.0, held: None };
+    /// Changes lanes where there is time.
+    pub(super) const GENTLE: Self = Self { preview: 0.5, time: 1.6, inside: 0.0, held: None };
     /// Swerves.
     pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
     /// Where the road is narrow, in turn.
