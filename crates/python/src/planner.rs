@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use interdrive_core::plan::Planner;
-use interdrive_core::plan::frenet::{Candidates, CostWeights, FrenetTarget, N_TERMS};
+use interdrive_core::plan::frenet::{self, CostWeights, FrenetTarget};
+use interdrive_core::plan::rollout::{self, RolloutCandidates, RolloutWeights};
+use interdrive_core::plan::{Candidates, Planner};
 use interdrive_core::plan::learned::ActionSpace;
 use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
 use interdrive_core::plan::weights::{WeightActions, WeightChange};
@@ -84,24 +85,46 @@ impl PyPlanner {
 /// Name, weights of shape (outputs, inputs) and bias of shape (outputs,) of a layer.
 type LayerParts<'py> = (String, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py, f32>);
 
-/// All samples of a plan as a dict of arrays: x, y (samples, points); terms (samples, terms); cost, end_time,
-/// end_velocity, end_offset (samples,); rejection (words per sample); chosen (-1 for none);
-/// n_steered, of the last rows; desired_velocity.
+/// What a plan was chosen from as a dict of arrays: x, y (candidates, points); terms (candidates, terms); term_names; cost,
+/// end_velocity, end_offset (candidates,); rejection (words per candidate); chosen (-1 for none); desired_velocity. Of
+/// `frenet` also end_time (candidates,) and n_steered, of the last rows; of `rollout` pace (a name per candidate).
 pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
-    let (n, n_points) = (candidates.len(), candidates.n_points);
-    let reasons = candidates.rejection.iter().zip(&candidates.collision_id).map(|(why, id)| why.words(*id));
     let dict = PyDict::new(py);
-    dict.set_item("x", arrays::grid(py, candidates.x.clone(), [n, n_points])?)?;
-    dict.set_item("y", arrays::grid(py, candidates.y.clone(), [n, n_points])?)?;
-    dict.set_item("terms", arrays::grid(py, candidates.terms.clone(), [n, N_TERMS])?)?;
-    dict.set_item("term_names", CostWeights::NAMES.to_vec())?;
-    dict.set_item("cost", arrays::row(py, candidates.cost.clone()))?;
-    dict.set_item("end_time", arrays::row(py, candidates.end_time.clone()))?;
-    dict.set_item("end_velocity", arrays::row(py, candidates.end_velocity.clone()))?;
-    dict.set_item("end_offset", arrays::row(py, candidates.end_offset.clone()))?;
-    dict.set_item("rejection", reasons.collect::<Vec<_>>())?;
-    dict.set_item("chosen", candidates.chosen.map_or(-1, |chosen| chosen as i64))?;
-    dict.set_item("n_steered", candidates.n_steered)?;
-    dict.set_item("desired_velocity", candidates.desired_velocity)?;
+    match candidates {
+        Candidates::Frenet(found) => frenet_candidates(py, &dict, found)?,
+        Candidates::Rollout(found) => rollout_candidates(py, &dict, found)?,
+    }
     Ok(dict)
+}
+
+fn frenet_candidates(py: Python<'_>, dict: &Bound<'_, PyDict>, found: &frenet::Candidates) -> PyResult<()> {
+    let (n, n_points) = (found.len(), found.n_points);
+    let reasons = found.rejection.iter().zip(&found.collision_id).map(|(why, id)| why.words(*id));
+    dict.set_item("x", arrays::grid(py, found.x.clone(), [n, n_points])?)?;
+    dict.set_item("y", arrays::grid(py, found.y.clone(), [n, n_points])?)?;
+    dict.set_item("terms", arrays::grid(py, found.terms.clone(), [n, frenet::N_TERMS])?)?;
+    dict.set_item("term_names", CostWeights::NAMES.to_vec())?;
+    dict.set_item("cost", arrays::row(py, found.cost.clone()))?;
+    dict.set_item("end_time", arrays::row(py, found.end_time.clone()))?;
+    dict.set_item("end_velocity", arrays::row(py, found.end_velocity.clone()))?;
+    dict.set_item("end_offset", arrays::row(py, found.end_offset.clone()))?;
+    dict.set_item("rejection", reasons.collect::<Vec<_>>())?;
+    dict.set_item("chosen", found.chosen.map_or(-1, |chosen| chosen as i64))?;
+    dict.set_item("n_steered", found.n_steered)?;
+    dict.set_item("desired_velocity", found.desired_velocity)
+}
+
+fn rollout_candidates(py: Python<'_>, dict: &Bound<'_, PyDict>, found: &RolloutCandidates) -> PyResult<()> {
+    let (n, n_points) = (found.cost.len(), found.n_points);
+    dict.set_item("x", arrays::grid(py, found.x.clone(), [n, n_points])?)?;
+    dict.set_item("y", arrays::grid(py, found.y.clone(), [n, n_points])?)?;
+    dict.set_item("terms", arrays::grid(py, found.terms.clone(), [n, rollout::N_TERMS])?)?;
+    dict.set_item("term_names", RolloutWeights::NAMES.to_vec())?;
+    dict.set_item("cost", arrays::row(py, found.cost.clone()))?;
+    dict.set_item("pace", found.pace.clone())?;
+    dict.set_item("end_velocity", arrays::row(py, found.end_velocity.clone()))?;
+    dict.set_item("end_offset", arrays::row(py, found.end_offset.clone()))?;
+    dict.set_item("rejection", found.rejection.clone())?;
+    dict.set_item("chosen", found.chosen.map_or(-1, |chosen| chosen as i64))?;
+    dict.set_item("desired_velocity", found.desired_velocity)
 }

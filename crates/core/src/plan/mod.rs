@@ -259,10 +259,25 @@ impl Prepared {
     }
 }
 
-/// All samples of a planner with their costs and the reasons of rejection; `None` if it has none.
-pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<frenet::Candidates> {
-    let Planner::Frenet(settings) = planner else { return None };
-    Some(frenet::candidates(request, settings))
+/// What a plan was chosen from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Candidates {
+    /// Samples of `frenet`.
+    Frenet(frenet::Candidates),
+    /// Roll-outs of `rollout`.
+    Rollout(rollout::RolloutCandidates),
+}
+
+/// All that a plan was chosen from, with costs and the reasons of rejection; `None` for a planner that does not choose.
+pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<Candidates> {
+    match planner {
+        Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(request, settings))),
+        Planner::Rollout(settings) => {
+            let aimed = prepared.aim(request, &settings.comfort);
+            Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))
+        }
+        _ => None,
+    }
 }
 
 /// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does

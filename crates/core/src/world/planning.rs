@@ -9,8 +9,8 @@ use super::{Drive, Expected, Step, World};
 use crate::barrier::Barriers;
 use crate::error::Result;
 use crate::geometry::Point;
-use crate::plan::frenet::{self, Candidates, CostWeights, FrenetSettings, FrenetTarget};
-use crate::plan::{self, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
+use crate::plan::frenet::{self, CostWeights, FrenetSettings, FrenetTarget};
+use crate::plan::{self, Candidates, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
@@ -58,7 +58,7 @@ impl World {
         Ok(())
     }
 
-    /// All samples of an agent's planner with cost and reason of rejection; `None` if its planner has none.
+    /// All that an agent's plan is chosen from; `None` if its planner does not choose.
     ///
     /// # Errors
     /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if nobody has predicted.
@@ -66,7 +66,7 @@ impl World {
         let (scene, expected) = (&*step.scene, step.expected()?);
         self.check_time_step("scene", scene.time_step)?;
         let drive = &self.drives[self.drive_index(id)?];
-        if !matches!(drive.agent.planner, Planner::Frenet(_)) || !drive.is_driving(self.time_step) {
+        if !matches!(drive.agent.planner, Planner::Rollout(_) | Planner::Frenet(_)) || !drive.is_driving(self.time_step) {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);

@@ -14,6 +14,7 @@ mod contacts;
 mod search;
 mod candidates;
 
+pub(super) use candidates::candidates;
 pub use candidates::RolloutCandidates;
 pub use settings::{Comfort, N_TERMS, RolloutSettings, RolloutWeights};
 pub(in crate::plan) use start::Start;

@@ -26,6 +26,8 @@ const SWING_COST: f64 = 0.5;
 /// Shares of the tightest curvature, and times for which they are held [s], of vehicles that swing out.
 const SWINGS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 const SWING_TIMES: [f64; 2] = [0.8, 2.0];
+/// Shares of the vehicle's largest deceleration with which it brakes in an emergency.
+const EMERGENCIES: [f64; 3] = [0.9, 0.6, 0.4];
 /// How far an agent swerves [m].
 const SWERVES: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 /// Those who stand and whom the footprint misses by this are no leaders [m].
@@ -141,7 +143,7 @@ impl<'a> Search<'a> {
     }
 
     fn proposal(&self, pace: Pace, (target, steering): (f64, Steering), speeds: Speeds) -> Proposal {
-        let terms = speeds.terms(&self.free, (self.task.request.state.acceleration, self.task.request.dt));
+        let terms = speeds.terms(&self.free, (self.task.acceleration(), self.task.request.dt));
         let bound = Speeds::cost(terms, &self.settings.weights);
         Proposal { bound, terms, target, pace, steering, speeds, is_emergency: false }
     }
@@ -200,10 +202,12 @@ impl<'a> Search<'a> {
                 proposals.push(self.proposal(pace, (d + swerve, Steering::QUICK), speeds.clone()));
             }
         }
-        let speeds = self.speeds(Pace::Emergency, &ego).expect("an agent can always brake");
         let (firm, hold, straight) = (Steering::FIRM, Steering::HOLD, Steering::STRAIGHT);
-        for way in [(0.0, firm), (d, firm), (0.0, hold), (0.0, straight), (1.0, firm), (-1.0, firm)] {
-            proposals.push(self.proposal(Pace::Emergency, way, speeds.clone()));
+        for pace in EMERGENCIES.map(Pace::Emergency) {
+            let speeds = self.speeds(pace, &ego).expect("an agent can always brake");
+            for way in [(0.0, firm), (d, firm), (0.0, hold), (0.0, straight), (1.0, firm), (-1.0, firm)] {
+                proposals.push(self.proposal(pace, way, speeds.clone()));
+            }
         }
         proposals.iter_mut().for_each(|one| one.is_emergency = true);
         self.choose(proposals);

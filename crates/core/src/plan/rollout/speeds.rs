@@ -28,8 +28,6 @@ const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
 /// Walking pace [m/s].
 const WALKING_SPEED: f64 = 1.5;
-/// Share of the largest deceleration in an emergency.
-const FULL_BRAKING: f64 = 0.9;
 /// How far ahead curves and limits count [m], and for how long [s].
 const REACH: (f64, f64) = (20.0, 6.0);
 
@@ -50,8 +48,8 @@ pub(super) enum Pace {
     Stopping,
     /// Stops quickly.
     Braking,
-    /// Stops as hard as the vehicle can.
-    Emergency,
+    /// Stops with a share of the vehicle's largest deceleration.
+    Emergency(f64),
 }
 
 impl Pace {
@@ -65,7 +63,7 @@ impl Pace {
             Self::Walking => "walking",
             Self::Stopping => "stopping",
             Self::Braking => "braking",
-            Self::Emergency => "emergency",
+            Self::Emergency(_) => "emergency",
         }
     }
 }
@@ -99,6 +97,12 @@ impl<'a> Task<'a> {
         Self { request, comfort, start, n_points, wish }
     }
 
+    /// The present acceleration from which comfortable motions go on [m/s²]: harder braking than is comfortable may end at
+    /// once.
+    pub(super) fn acceleration(&self) -> f64 {
+        self.request.state.acceleration.clamp(-self.comfort.deceleration, self.comfort.acceleration)
+    }
+
     /// Fills the profile of a free road.
     pub(super) fn fill(&self, profile: &mut SpeedProfile) {
         let Self { request, comfort, start, .. } = self;
@@ -130,7 +134,7 @@ impl Speeds {
         match pace {
             Pace::Stopping => return Some(integrate(task, |_, _, _| -comfort.deceleration)),
             Pace::Braking => return Some(integrate(task, |_, _, _| -2.0 * comfort.deceleration)),
-            Pace::Emergency => return Some(integrate(task, |_, _, _| -FULL_BRAKING * vehicle.acceleration_max)),
+            Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
             Pace::Yielding | Pace::Share(_) | Pace::Walking => conflicts.yield_to_all(ego),
         }
@@ -206,14 +210,15 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     let Task { request, comfort, start, n_points, .. } = *task;
     let (vehicle, dt) = (request.vehicle, request.dt);
     let (mut s, mut velocity) = (start.s, start.velocity);
-    let mut before = request.state.acceleration.clamp(-vehicle.acceleration_max, comfort.acceleration);
+    let mut before = task.acceleration();
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
         let wanted = law(point, s, velocity);
         let urgency = 1.0 + URGENCY * (-wanted - comfort.deceleration).max(0.0);
         let lowest =
             if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - urgency * comfort.jerk * dt };
-        let wanted = wanted.clamp(lowest, (before + comfort.jerk * dt).max(lowest));
+        let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
+        let wanted = wanted.clamp(lowest, highest.max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
         let acceleration = wanted.max(-velocity / dt);
         velocities.push(velocity);
