@@ -16,6 +16,10 @@ const ARRIVAL_SHARE: f64 = 0.15;
 const EARLY_SHARE: f64 = 0.45;
 /// For that they want to be faster than now by this at most [m/s].
 const EARLY_STEP: f64 = 1.0;
+/// Agents on a free road aim at the inner part of the goal's interval of speeds: this share of it on each side is left, but at
+/// most so much [m/s].
+const SPEED_RESERVE_SHARE: f64 = 0.15;
+const SPEED_RESERVE: f64 = 0.7;
 /// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
 const GOAL_SPEED_SHARE: f64 = 0.8;
 
@@ -61,7 +65,9 @@ pub(super) fn desired(
     }
     let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
     let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
-    let arriving_after = |time: f64| cruise_velocity(distance, time, (low, high), deceleration);
+    let inner = if is_free && high.is_finite() { SPEED_RESERVE.min(SPEED_RESERVE_SHARE * (high - low)) } else { 0.0 };
+    let speeds = (if low > 0.0 { low + inner } else { low }, high - inner);
+    let arriving_after = |time: f64| cruise_velocity(distance, time, speeds, deceleration);
     let sparing = |share: f64| {
         let reserve = ARRIVAL_RESERVE.max(share * latest);
         arriving_after((0.5 * (earliest + latest)).max(latest - reserve).max(0.5 * latest))

@@ -32,6 +32,8 @@ const GAP_MIN: f64 = 1.0;
 const TIME_GAP: f64 = 0.5;
 /// ... which shrinks to nothing as the time until the change must be done falls from the second to the first [s].
 const HURRY: (f64, f64) = (4.0, 12.0);
+/// Less time than this makes a change no more urgent [s].
+const URGENT_TIME: f64 = 2.0;
 /// Where there is time, a plan aims at most this far to the side [m].
 const GENTLE_STEP: f64 = 2.0;
 /// A change is done this near to the middle of the new lane [m].
@@ -145,7 +147,7 @@ impl LaneRoutes {
             }
             let time = need.map_or(0.0, |need| (need.last_chance - front(origin.s)) / velocity.max(1.0));
             let change =
-                LaneChange { is_accepted: is_safe, is_under_way: true, step: step(time), ..LaneChange::default() };
+                LaneChange { is_accepted: is_safe, is_under_way: true, step: step(time), urgency: urgency(time), ..LaneChange::default() };
             return (aim, change);
         }
         let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
@@ -161,7 +163,7 @@ impl LaneRoutes {
         let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !can_stop(aim.s, &need) {
-            let change = LaneChange { is_accepted, is_under_way: true, step: step(time), ..LaneChange::default() };
+            let change = LaneChange { is_accepted, is_under_way: true, step: step(time), urgency: urgency(time), ..LaneChange::default() };
             return (there, change);
         }
         let velocity = self.seek(request, comfort, time_gap, (aim, there), waiting.end);
@@ -277,10 +279,15 @@ fn time_gap(time: f64) -> f64 {
     TIME_GAP * ((time - HURRY.0) / (HURRY.1 - HURRY.0)).clamp(0.0, 1.0)
 }
 
+/// How much more an offset counts if the change must be done within a time [s].
+fn urgency(time: f64) -> f64 {
+    (HURRY.1 / time.max(URGENT_TIME)).max(1.0)
+}
+
 /// How far a plan aims to the side at most if the change must be done within a time [s]; as far as it takes if that is
 /// soon [m].
 fn step(time: f64) -> f64 {
-    if time > HURRY.0 { GENTLE_STEP } else { f64::INFINITY }
+    if time > HURRY.1 { GENTLE_STEP } else { f64::INFINITY }
 }
 
 /// The constant deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] comes down to its
@@ -316,6 +323,6 @@ mod tests {
         for (time, expected) in [(20.0, 0.5), (12.0, 0.5), (8.0, 0.25), (4.0, 0.0), (-1.0, 0.0)] {
             assert!((time_gap(time) - expected).abs() < 1e-12, "{time} s");
         }
-        assert_eq!((step(5.0), step(3.0)), (2.0, f64::INFINITY));
+        assert_eq!((step(13.0), step(11.0)), (2.0, f64::INFINITY));
     }
 }

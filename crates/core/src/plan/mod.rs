@@ -146,13 +146,15 @@ pub struct LaneChange {
     pub velocity: Option<f64>,
     /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
     pub end: f64,
+    /// How much more an offset from the lane counts, the sooner the change has to be done.
+    pub urgency: f64,
 }
 
 impl Default for LaneChange {
     /// There is none.
     fn default() -> Self {
         let never = f64::INFINITY;
-        Self { is_accepted: false, is_under_way: false, step: never, velocity: None, end: never }
+        Self { is_accepted: false, is_under_way: false, step: never, velocity: None, end: never, urgency: 1.0 }
     }
 }
 

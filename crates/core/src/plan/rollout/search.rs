@@ -239,7 +239,7 @@ impl<'a> Search<'a> {
         let mut terms = [0.0; N_TERMS];
         terms[..4].copy_from_slice(&proposal.terms);
         let end = rollout.points[rollout.points.len() - 1].d;
-        terms[4..7].copy_from_slice(&[rollout.lateral, rollout.offset, self.before.map_or(0.0, |d| (end - d).abs())]);
+        terms[4..7].copy_from_slice(&[rollout.lateral, request.lane_change.urgency * rollout.offset, self.before.map_or(0.0, |d| (end - d).abs())]);
         let price = |terms: &[f64; N_TERMS]| {
             // What the proposal costs beyond its speeds.
             let extra = proposal.bound - Speeds::cost(proposal.terms, weights);

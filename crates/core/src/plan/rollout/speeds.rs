@@ -13,6 +13,8 @@ use super::start::Start;
 const LAG: f64 = 0.7;
 /// Towards a lower desired speed an agent brakes with at most this multiple of the comfortable deceleration.
 const BRAKING_SHARE: f64 = 1.3;
+/// A vehicle that is faster than it wishes by this and the comfortable deceleration in a second brakes harder [m/s].
+const EXCESS: f64 = 1.0;
 /// The jerk may grow by this multiple of itself for each m/s² beyond the comfortable deceleration that is needed, ...
 const URGENCY: f64 = 2.0;
 /// ... and for braking harder than this it is not limited [m/s²].
@@ -184,7 +186,9 @@ impl Speeds {
 }
 
 fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
-    ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * comfort.deceleration, comfort.acceleration)
+    // Who is much too fast brakes harder.
+    let hardest = comfort.deceleration.max(velocity - wish - EXCESS).min(NEEDED_BRAKING);
+    ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * hardest, comfort.acceleration)
 }
 
 /// Acceleration towards the safe speed behind a leader [m/s²] for the room up to it and the part of it that is kept [m]. An
