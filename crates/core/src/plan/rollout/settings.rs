@@ -45,7 +45,7 @@ settings! {
         /// Largest jerk as long as the agent need not brake harder than 4 m/s².
         jerk: f64 ["m/s³"] = 1.9, positive(1000.0);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
-        lateral_acceleration: f64 ["m/s²"] = 2.5, positive(100.0);
+        lateral_acceleration: f64 ["m/s²"] = 2.2, positive(100.0);
         /// Largest difference between the present speed and the speed at which a gap for a lane change is looked for.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
         /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
