@@ -29,10 +29,8 @@ _Interval = tuple[float, float]
 __all__ = [
     "CODES",
     "COMFORTABLE_DECELERATION",
-    "COMMITTED",
     "DESIGN_WIDTH",
     "JUDGED_STANDSTILL_SPEED",
-    "MEETING_MARGIN",
     "NEURAL",
     "PLAN_POINTS_MAX",
     "RASTER",
@@ -96,11 +94,9 @@ STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float
 #: Stops count so far before the line of a sign [m].
 STOP_REACH: float
-#: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH`
-#: [m] or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].
-COMMITTED: float
+#: Orders are asked from `REACH` [m] or `REACH_TIME` [s] before a junction on; its areas are for vehicles of
+#: `DESIGN_WIDTH` [m].
 DESIGN_WIDTH: float
-MEETING_MARGIN: float
 REACH: float
 REACH_TIME: float
 
@@ -682,6 +678,7 @@ class World:
     def states(self) -> dict[str, Any]: ...
     def sightings(self) -> dict[str, Any]: ...
     def waits(self) -> dict[str, Any]: ...
+    def entries(self) -> dict[str, Any]: ...
     def plans(self) -> dict[str, Any]: ...
 
 @final

@@ -7,6 +7,7 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::junctions::Area;
+use interdrive_core::right_of_way::meeting_width;
 use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork, Users};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
@@ -414,7 +415,7 @@ impl PyScenario {
 
     /// All areas that two ways share, one row each, as a dict of arrays: `junction`, `kind` (code), `lanelet`, `entry`
     /// and `exit` of both sides, shape (areas, 2) [m], `first` (side, -1: the first to arrive), `reason` (code), `x`, `y` [m],
-    /// `width` that two vehicles have beside each other (infinite unless opposed) [m], `side_by_side` (lanes that merge).
+    /// `meeting_width` of vehicles that can meet a car there (-inf unless opposed) [m], `side_by_side` (lanes that merge).
     fn junctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (road, areas) = (&self.0.road, &self.0.junctions().areas);
         let dict = PyDict::new(py);
@@ -431,7 +432,7 @@ impl PyScenario {
         let centers: Vec<Point> = areas.iter().map(|area| area.hull.center()).collect();
         dict.set_item("x", arrays::row(py, centers.iter().map(|center| center.x).collect()))?;
         dict.set_item("y", arrays::row(py, centers.iter().map(|center| center.y).collect()))?;
-        dict.set_item("width", arrays::row(py, areas.iter().map(|area| area.width).collect()))?;
+        dict.set_item("meeting_width", arrays::row(py, areas.iter().map(meeting_width).collect()))?;
         dict.set_item("side_by_side", arrays::row(py, areas.iter().map(|area| area.is_side_by_side).collect()))?;
         Ok(dict)
     }
