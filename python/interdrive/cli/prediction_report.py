@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> None:
-    """Prints tables of at most 110 columns: distances, likelihood, calibration, standing vehicles, road and time."""
+    """Prints tables of at most 110 columns: distances, likelihood, calibration, standing vehicles and road."""
     console = output()
     table = measures_table(found).to_pylist()
     order = list(dict.fromkeys(row["category"] for row in table))
@@ -58,7 +58,6 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
         },
     )
     _print_by_traffic(console, [row for row in table if row["traffic"] != ANY])
-    _print_timings(console, found)
     counts = f"{len(found.samples)} samples from {len(found.files)} file{'s' * (len(found.files) != 1)}"
     console.print(f"{counts}, every {found.settings['every']} time steps")
     print_notes(console, found.notes, "evaluation.json")
@@ -110,20 +109,3 @@ def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> No
             part = [row for row in part if row["category"] != ALL]
         title = f"{traffic} traffic: FDE of the most probable and, at 3 s, the best mode [m]; at 3 s nll, regions"
         _print_measures(console, part, title, columns)
-
-
-def _print_timings(console: Console, found: PredictionEvaluation) -> None:
-    if not found.timings:
-        return
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, title="milliseconds per call, by vehicles", title_justify="left"
-    )
-    table.add_column("predictor")
-    numbers = sorted({timing.vehicles for timing in found.timings})
-    for number in numbers:
-        table.add_column(str(number), justify="right")
-    for name in found.predictors:
-        by_number = {t.vehicles: t.milliseconds for t in found.timings if t.predictor == name}
-        table.add_row(escape(name), *(f"{by_number[number]:.3g}" for number in numbers))
-    print_table(console, table, 1)
-    console.print()
