@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as MplPath
 from recorded_moments import SETTINGS
 
 import interdrive as idr
@@ -70,3 +71,10 @@ def test_a_scene_shows_the_moment_at_which_most_vehicles_leave_a_straight_drive(
     counts = np.bincount(found.samples.time_step[telling])
     assert scene.moment.scene.time_step == counts.argmax()
     assert len(scene.row) == counts.max()
+
+
+def test_an_ellipse_holds_95_percent_of_what_its_covariance_says(pictures):
+    mean, covariance = np.array([3.0, -1.0]), np.array([[2.0, 0.7], [0.7, 0.5]])
+    (ring,) = pictures("scenes").ellipse_rings(mean[None], covariance[None], 0.95)
+    samples = np.random.default_rng(0).multivariate_normal(mean, covariance, 4000)
+    assert MplPath(ring).contains_points(samples).mean() == pytest.approx(0.95, abs=0.02)

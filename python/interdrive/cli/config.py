@@ -35,7 +35,6 @@ class RunChoices:
         gif: Make a film.
         mp4: Make a film with ffmpeg.
         report: Write the interactive report, and record what it shows.
-        agent_view: Agent that the film follows.
     """
 
     scenario: str = ""
@@ -51,7 +50,6 @@ class RunChoices:
     gif: bool = False
     mp4: bool = False
     report: bool = False
-    agent_view: int | None = None
 
 
 @dataclass(frozen=True)

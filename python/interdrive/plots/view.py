@@ -61,11 +61,6 @@ class View:
         height = max(self.height, aspect_min * self.width)
         return replace(self, height=height, width=max(self.width, height / aspect_max))
 
-    def centered_at(self, point: Floats) -> View:
-        """The same view around another point of the world [m]."""
-        x, y = self.picture_from_world(point)
-        return replace(self, center=(float(x), float(y)))
-
     def touches(self, points_in_picture: Floats) -> bool:
         """The bounding box of the points overlaps the view."""
         low, high = points_in_picture.min(axis=0), points_in_picture.max(axis=0)
