@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.table import Table
 
-from interdrive.cli.report import output, print_notes, print_table
+from interdrive.cli.report import output, print_folder, print_notes, print_table, table_of
 from interdrive.prediction_evaluation.split import TRAFFIC
 from interdrive.prediction_evaluation.tables import ALL, ANY, MEAN, measures_table
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -58,10 +58,10 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
         },
     )
     _print_by_traffic(console, [row for row in table if row["traffic"] != ANY])
-    counts = f"{len(found.samples)} samples from {len(found.files)} file{'s' * (len(found.files) != 1)}"
+    counts = f"{len(found.samples)} samples from {said_count(len(found.files), 'file')}"
     console.print(f"{counts}, every {found.settings['every']} time steps")
     print_notes(console, found.notes, "evaluation.json")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def _print_measures(
@@ -72,13 +72,8 @@ def _print_measures(
     count: str = "",
 ) -> None:
     """Prints a row per category and predictor; `columns` maps headings to the name of a measure and its format."""
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title=escape(title), title_justify="left"
-    )
-    table.add_column("category")
-    table.add_column("predictor")
-    for heading in (*(["samples"] if count else []), *columns):
-        table.add_column(heading, justify="right")
+    numbers = (*(["samples"] if count else []), *columns)
+    table = table_of(("category", "predictor", *numbers), right=numbers, tight=True, title=title)
     before = None
     for row in rows:
         is_first, before = row["category"] != before, row["category"]
