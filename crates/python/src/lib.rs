@@ -47,7 +47,7 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     codes.set_item("service", Service::ALL.map(|service| format!("{service:?}")))?;
     codes.set_item("via", Via::ALL.map(|via| format!("{via:?}")))?;
     codes.set_item("signal", Signal::ALL.map(|signal| format!("{signal:?}")))?;
-    codes.set_item("way", Turn::ALL.map(|turn| format!("{turn:?}")))?;
+    codes.set_item("turn", Turn::ALL.map(|turn| format!("{turn:?}")))?;
     codes.set_item("area_kind", AreaKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("precedence", Reason::ALL.map(|reason| format!("{reason:?}")))?;
     codes.set_item("order", right_of_way::OrderKind::ALL.map(|kind| format!("{kind:?}")))?;

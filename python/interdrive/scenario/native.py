@@ -13,7 +13,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
-from interdrive.scenario.control import CLOSED, SIGNALS, WAYS
+from interdrive.scenario.control import CLOSED, SIGNALS, TURNS
 from interdrive.scenario.lanes import lane_users
 from interdrive.scenario.model import KINDS
 
@@ -176,7 +176,7 @@ def _priorities(
 ) -> tuple[list[tuple[int, int]], list[tuple[int, tuple[int, int, int]]], list[int], bool, int, bool]:
     found = scenario.priorities
     return (
-        [(number, WAYS.index(way)) for number, way in found.turns],
+        [(number, TURNS.index(turn)) for number, turn in found.turns],
         list(found.ranks),
         list(found.minor),
         found.left_hand,
