@@ -88,7 +88,7 @@ PLAN_POINTS_MAX: int
 #: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
 #: How vehicles drive, as in `conduct.rs`: comfortable braking [m/s²]; an agent stands below the first speed, and stood
-#: below the second for who judges a run [m/s].
+#: below the second when its run is judged [m/s].
 COMFORTABLE_DECELERATION: float
 STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float

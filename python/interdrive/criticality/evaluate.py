@@ -98,8 +98,8 @@ class Criticality:
         present: Whether each was there, shape (judged, time_steps).
         series: By name of the measure (`MEASURES`).
         in_the_way: By name of the measure, what pairs are ranked by: as `series`, but for headway, time headway, time
-            to collision along lanes, and the accelerations and threat numbers that follow from them, only those count
-            who are in the way of the judged participant: they stand on the path that it then drives, or drive along
+            to collision along lanes, and the accelerations and threat numbers that follow from them, only participants
+            in the way of the judged one count: they stand on the path that it then drives, or drive along
             it, and the bodies would meet. Recorded footprints that overlap by less than 0.3 m are no contact there.
         extremes: By name of the measure.
         tet_seconds: Time with a time to collision of at most the threshold [s], shape (judged,).
@@ -112,7 +112,7 @@ class Criticality:
             other one's) that values refer to.
         settings: As evaluated.
         overlapping: Pairs of ids that overlap at their first common time step, unless they collide later in a run;
-            they are in the tables, but not among the most critical moments: nobody drove them together.
+            they are in the tables, but not among the most critical moments: no run drove them together.
         notes: One line per thing the user should know.
         origin: How the values came about.
     """

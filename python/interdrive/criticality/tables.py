@@ -48,7 +48,7 @@ COLUMNS = (
         null="it cannot be computed",
         infinite=True,
     ),
-    Column("partner_id", "integer", "the participant that was decisive", null="nobody was"),
+    Column("partner_id", "integer", "the participant that was decisive", null="no participant was"),
     Column(
         "path",
         "label",

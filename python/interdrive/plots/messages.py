@@ -64,7 +64,7 @@ def plan_ages(run: RunRecord) -> tuple[Floats, Floats]:
     """How old the newest plan is that an agent has received from another one, while both are there.
 
     Returns:
-        Times [s], shape (steps,); ages [s], shape (pairs, steps), nan where there is none that is not forgotten.
+        Times [s], shape (steps,); ages [s], shape (pairs, steps), nan where all plans are forgotten.
 
     Raises:
         InputError: No messages were kept.

@@ -45,7 +45,7 @@ class Placed(Protocol):
 def overlapping(obstacles: Obstacles, dt: float, storeys: RoadNetwork | None = None) -> tuple[tuple[int, int], ...]:
     """Pairs of moving vehicles whose boxes overlap, looked at once a second.
 
-    People and bicycles do not count: who meets them in a recording may have had an accident.
+    People and bicycles do not count: a vehicle that meets them in a recording may have had an accident.
 
     Args:
         obstacles: Recorded traffic.

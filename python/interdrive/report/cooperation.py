@@ -62,7 +62,7 @@ def links(messages: Messages, run: RunRecord, age_max: float) -> tuple[Ints, Int
 
     Returns:
         Rows of receiver and sender, shape (links, 2), sorted; the age of the newest plan that has arrived, in time
-        steps, shape (links, steps), 0 without one; and whether the newest one that was sent before does not arrive.
+        steps, shape (links, steps), 0 without one; and whether the newest plan sent before does not arrive.
     """
     first, n = run.states.first_time_step, run.states.n_steps
     is_link = (messages.service == SERVICES.index("mcm")) & (messages.receiver_id >= 0)

@@ -307,7 +307,7 @@ class Violations(Tabular):
         metadata=integer("lanelet below the vehicle, of the line, or into the area", null="there is none")
     )
     partner_id: Ints = field(
-        metadata=integer("participant whose right of way it took", null="the rule is about nobody else")
+        metadata=integer("participant whose right of way it took", null="the rule is about no other participant")
     )
     x: Floats = field(metadata=number("centre of the vehicle at the first time step", "m"))
     y: Floats = field(metadata=number("centre of the vehicle at the first time step", "m"))
@@ -331,7 +331,7 @@ class Orders(Tabular):
     last_time_step: Ints = field(metadata=integer("last time step of the order, included"))
     kind: tuple[str, ...] = field(
         metadata=label(
-            "yield, exit (no room behind it), queue (behind one that waits), follow (enter after another), crosswalk",
+            "yield, exit (no room behind it), queue (a vehicle ahead waits), follow (enter after another), crosswalk",
             ORDERS[1:],
         )
     )

@@ -37,8 +37,8 @@ class Contact:
 def contact_between(states: States, first: int, second: int, time_step: int, dt: float) -> Contact:
     """How two participants touched on the way to a time step.
 
-    Footprints count as the rectangles around them, poses between time steps as interpolated. The side of each is the
-    one that faces the other across the line that separates them best at the first moment of contact.
+    Footprints count as the rectangles around them, poses between time steps as interpolated. The side of each
+    faces the other across the line that separates them best at the first moment of contact.
 
     Args:
         states: States of all participants.

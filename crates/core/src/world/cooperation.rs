@@ -63,7 +63,7 @@ impl World {
         self.network.as_deref().map_or(&[], Network::ids)
     }
 
-    /// What was sent and received so far; `None` if no agent has V2X.
+    /// What was sent and received until now; `None` if no agent has V2X.
     pub fn messages(&self) -> Option<&Log> {
         self.network.as_deref().map(Network::log)
     }
@@ -151,7 +151,7 @@ impl World {
         self.network = Some(network);
     }
 
-    /// Stretches in which agents held for others, so far.
+    /// Stretches in which agents have held for others.
     pub fn agreements(&self) -> &[Agreement] {
         self.network.as_deref().map_or(&[], Network::agreements)
     }

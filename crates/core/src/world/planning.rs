@@ -61,7 +61,7 @@ impl World {
     /// All samples of an agent's planner with cost and reason of rejection; `None` if its planner has none.
     ///
     /// # Errors
-    /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if nobody has predicted.
+    /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if the step has no predictions.
     pub fn candidates(&self, id: i64, step: &Step) -> Result<Option<Candidates>> {
         let (scene, expected) = (&*step.scene, step.expected()?);
         self.check_time_step("scene", scene.time_step)?;
