@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Floats
+    from interdrive.array_types import Floats
     from interdrive.prediction_evaluation.recordings import Moment
     from interdrive.prediction_evaluation.samples import Samples
     from interdrive.prediction_evaluation.tables import PredictionEvaluation

@@ -17,15 +17,13 @@ from interdrive.native_settings import RoadSettings
 from interdrive.recordings import overlapping_at_first
 from interdrive.scenario import Scenario
 from interdrive.scenario.native import core_road, core_shape, storeys, thread_count
-from interdrive.storage import Origin, as_pandas, as_polars, changed_settings
+from interdrive.storage import Origin, Tabled, changed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import pandas as pd
-    import polars as pl
-
-    from interdrive.criticality.source import Bools, Floats, Ints, Traffic
+    from interdrive.array_types import Bools, Floats, Ints
+    from interdrive.criticality.source import Traffic
     from interdrive.files import ScenarioSpec
     from interdrive.storage import ArrowTable
 
@@ -88,7 +86,7 @@ class CriticalMoment:
 
 
 @dataclass(frozen=True)
-class Criticality:
+class Criticality(Tabled):
     """All measures of some participants.
 
     Attributes:
@@ -142,22 +140,6 @@ class Criticality:
     def to_arrow(self) -> ArrowTable:
         """All measures in long form, as criticality.parquet: one row per participant, time step and measure."""
         return self.origin.marked(criticality_table(self))
-
-    def to_pandas(self) -> pd.DataFrame:
-        """The table of `to_arrow` as a pandas data frame.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
-        return as_pandas(self.to_arrow())
-
-    def to_polars(self) -> pl.DataFrame:
-        """The table of `to_arrow` as a polars data frame.
-
-        Raises:
-            MissingExtraError: polars is not installed.
-        """
-        return as_polars(self.to_arrow())
 
     def __getitem__(self, name: str) -> Floats:
         """Values of a measure, shape (judged, time_steps).

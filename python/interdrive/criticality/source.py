@@ -14,11 +14,7 @@ from interdrive.scenario import STATE_FIELDS, Scenario, Shape
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
+    from interdrive.array_types import Bools, Floats, Ints
 
 _TABLES = STATE_FIELDS[:5]
 

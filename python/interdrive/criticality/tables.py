@@ -27,7 +27,7 @@ from interdrive.storage import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.criticality.source import Bools, Ints
+    from interdrive.array_types import Bools, Ints
     from interdrive.storage import ArrowTable
 
 _NAMES = tuple(measure.name for measure in MEASURES)

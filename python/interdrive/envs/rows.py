@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from interdrive.envs.settings import setup_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Bools
     from interdrive.envs.sampling import Sampler
-
-    Bools: TypeAlias = NDArray[np.bool_]
 
 
 class Rows(Drives):

@@ -22,7 +22,7 @@ from interdrive.run.goals import said_time
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.plots.view import Floats
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.

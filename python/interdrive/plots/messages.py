@@ -13,11 +13,9 @@ from interdrive.run import SERVICES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord
-
-    Floats = NDArray[np.float64]
 
 _FONT, _HEIGHT = 7.0, 80.0 * MM
 #: Number of bins of the distance.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Bools, Floats
+    from interdrive.array_types import Bools, Floats
     from interdrive.run import RunRecord
 
 _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from interdrive.plots.view import Floats
+    from interdrive.array_types import Floats
     from interdrive.run import Plans, RunRecord
 
 

@@ -8,13 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord, States
-
-    Floats = NDArray[np.float64]
-    Bools = NDArray[np.bool_]
-    Ints = NDArray[np.int64]
 
 #: Space around the motion of the agents: share of its longer side, and least and largest space [m].
 _MARGIN, _MARGIN_MIN, _MARGIN_MAX = 0.06, 6.0, 15.0

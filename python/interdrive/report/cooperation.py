@@ -11,11 +11,9 @@ from interdrive.run import SERVICES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats, Ints
     from interdrive.report.packing import Packer
     from interdrive.run import Messages, RunRecord
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Resolutions: positions [m], headings [rad].
 _METRE, _RADIAN = 0.01, 0.001

@@ -11,21 +11,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from interdrive.run.rules import RULES, VIOLATIONS
 from interdrive.scenario import KINDS
-from interdrive.storage import Column, Record, as_pandas, as_polars, integer, label, number, text, truth
+from interdrive.storage import Column, Record, Tabled, integer, label, number, text, truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-    import pandas as pd
-    import polars as pl
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.storage import ArrowTable
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Outcomes of agents, in the order of tables.
 OUTCOMES = (
@@ -63,7 +55,7 @@ _TIME = Column("time_s", "number", "the same in seconds", "s")
 _BEYOND_END = "beyond its end"
 
 
-class Tabular(Record):
+class Tabular(Record, Tabled):
     """Arrays of a run that its folder stores as a table; `interdrive.Run` says how they become one."""
 
     _as_table: Callable[[], ArrowTable] | None = None
@@ -84,22 +76,6 @@ class Tabular(Record):
         if self._as_table is None:
             raise TypeError(f"{type(self).__name__} that belong to no run have no table")
         return self._as_table()
-
-    def to_pandas(self) -> pd.DataFrame:
-        """The table that the run folder stores, as a pandas data frame.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
-        return as_pandas(self.to_arrow())
-
-    def to_polars(self) -> pl.DataFrame:
-        """The table that the run folder stores, as a polars data frame.
-
-        Raises:
-            MissingExtraError: polars is not installed.
-        """
-        return as_polars(self.to_arrow())
 
 
 @dataclass(frozen=True, repr=False)

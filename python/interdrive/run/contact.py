@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.run.arrays import States
-
-    Floats = NDArray[np.float64]
 
 #: Halvings of the last step in the search for the moment of contact.
 _HALVINGS = 20

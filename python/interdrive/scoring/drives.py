@@ -17,14 +17,10 @@ from interdrive.scoring.terms import Motion
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.criticality.source import RecordedRun
     from interdrive.run import States
     from interdrive.scenario import Obstacles, Scenario
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Lanelets cross that overlap by more than this [m²] once they are eroded by this [m]; as in `interdrive.criticality`.
 _EROSION, _OVERLAP_MIN = 0.3, 0.1
