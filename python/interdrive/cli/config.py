@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunChoices:
-    """Options of `run` besides settings, with their names in a configuration file; the help of `run` describes them."""
+    """Options of `run` besides settings, with their names in a configuration file; its help describes them."""
 
     scenario: str = ""
     agents: int | tuple[int, ...] | str = "all"
@@ -38,7 +38,7 @@ class RunChoices:
 
 @dataclass(frozen=True)
 class BatchChoices:
-    """Options of `batch` besides settings, with their names in a configuration file; the help of `batch` describes them."""
+    """Options of `batch` besides settings, with their names in a configuration file; its help describes them."""
 
     paths: tuple[str, ...] = ()
     planner: tuple[str, ...] = ("frenet",)
