@@ -161,13 +161,10 @@ class RoadNetwork:
     def covers(self, shape: Shape, x: float, y: float, orientation: float) -> bool: ...
 
 @final
-class Scenario:
+class Participants:
     def __new__(
         cls,
-        dt: float,
-        road: RoadNetwork,
         ids: Sequence[int],
-        kinds: Sequence[int],
         shapes: Sequence[Shape],
         is_static: Sequence[bool],
         first_time_step: int,
@@ -176,8 +173,18 @@ class Scenario:
         orientation: _Floats,
         velocity: _Floats,
         acceleration: _Floats,
-        yaw_rate: _Floats,
         valid: _Bools,
+        yaw_rate: _Floats | None = ...,
+    ) -> Participants: ...
+
+@final
+class Scenario:
+    def __new__(
+        cls,
+        dt: float,
+        road: RoadNetwork,
+        participants: Participants,
+        kinds: Sequence[int],
         lights: Sequence[tuple[int, int, Sequence[tuple[int, int]]]] = ...,
         lines: Sequence[
             tuple[int, tuple[_Interval, _Interval], bool, Sequence[tuple[int, Sequence[int]]], Sequence[int]]
@@ -815,16 +822,7 @@ def overlapping_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) 
 def evaluate_criticality(
     dt: float,
     road: RoadNetwork,
-    ids: Sequence[int],
-    shapes: Sequence[Shape],
-    is_static: Sequence[bool],
-    first_time_step: int,
-    x: _Floats,
-    y: _Floats,
-    orientation: _Floats,
-    velocity: _Floats,
-    acceleration: _Floats,
-    valid: _Bools,
+    participants: Participants,
     *,
     judged: Sequence[int],
     deceleration: Sequence[float],
@@ -841,22 +839,7 @@ def leaves_road(
 
 @final
 class Traffic:
-    def __new__(
-        cls,
-        dt: float,
-        road: RoadNetwork,
-        crossing: Sequence[int],
-        ids: Sequence[int],
-        shapes: Sequence[Shape],
-        is_static: Sequence[bool],
-        first_time_step: int,
-        x: _Floats,
-        y: _Floats,
-        orientation: _Floats,
-        velocity: _Floats,
-        acceleration: _Floats,
-        valid: _Bools,
-    ) -> Traffic: ...
+    def __new__(cls, dt: float, road: RoadNetwork, participants: Participants, crossing: Sequence[int]) -> Traffic: ...
     def straight_times(
         self, judged: Sequence[int], rear_axle_to_center: Sequence[float], horizon: float, threads: int
     ) -> tuple[_Floats, _Ints]: ...

@@ -78,6 +78,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(observation::observation_blocks, module)?)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
+    module.add_class::<scenario::PyParticipants>()?;
     module.add_class::<scenario::PyScenario>()?;
     module.add_class::<route::PyGoal>()?;
     module.add_class::<vehicle::PyVehicle>()?;

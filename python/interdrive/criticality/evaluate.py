@@ -16,7 +16,7 @@ from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
 from interdrive.recordings import overlapping_at_first
 from interdrive.scenario import Scenario
-from interdrive.scenario.native import core_road, core_shape, storeys, thread_count
+from interdrive.scenario.native import core_road, storeys, thread_count
 from interdrive.storage import Origin, Tabled, changed_settings
 
 if TYPE_CHECKING:
@@ -309,16 +309,7 @@ def evaluate(
     found = _core.evaluate_criticality(
         scenario.dt,
         core_road(scenario, _ROAD),
-        traffic.ids.tolist(),
-        [core_shape(shape) for shape in traffic.shapes],
-        traffic.is_static.tolist(),
-        traffic.first_time_step,
-        traffic.x,
-        traffic.y,
-        traffic.orientation,
-        traffic.velocity,
-        traffic.acceleration,
-        np.ascontiguousarray(traffic.valid),
+        traffic.in_core,
         judged=judged,
         deceleration=[available.get(number, chosen.deceleration) for number in judged],
         connectors=connectors_of(scenario) if chosen.conflict_areas == "stated" else None,
