@@ -45,6 +45,7 @@ __all__ = [
     "Goal",
     "NeuralInputs",
     "NeuralNetwork",
+    "Participants",
     "Planner",
     "Predictions",
     "Predictor",

@@ -68,7 +68,24 @@ class Simulation:
         threads: int | None = None,
         on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     ) -> None:
-        """Prepares agents, routes and the world; the arguments are those of `simulate`.
+        """Prepares agents, routes and the world.
+
+        Args:
+            scenario: See `interdrive.ScenarioSpec`.
+            agents: "all", "reachable" (see `reachable_agents`), "problems", a number, or ids; see
+                `interdrive.scenario.agents.select`.
+            planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
+            predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
+            views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
+            rules: Mapping from agent ids (and "default") to the rules of the road that they obey; all other agents obey
+                those of `settings.rules`.
+            v2x: Mapping from agent ids (and "default") to whether they have V2X; `settings.v2x.penetration` decides
+                about all other agents.
+            settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
+            seed: Seed for the choice of agents.
+            threads: Number of planning threads; None: the number of cores. Results do not depend on it.
+            on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
+                "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
 
         Raises:
             InputError: The input cannot be used; one line states why.
@@ -409,21 +426,17 @@ def simulate(
     Args:
         scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of
             commonroad-io.
-        agents: "all", "reachable" (see `reachable_agents`), "problems", a number, or ids; see
-            `interdrive.scenario.agents.select`.
+        agents: "all", "reachable", "problems", a number, or ids.
         planner: A planner for all agents, or a mapping from agent ids (and "default") to planners; see
             `interdrive.PlannerSpec`.
         predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
         views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
-        rules: Mapping from agent ids (and "default") to the rules of the road that they obey; all other agents obey
-            those of `settings.rules`.
-        v2x: Mapping from agent ids (and "default") to whether they have V2X; `settings.v2x.penetration` decides about
-            all other agents.
+        rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
+        v2x: Mapping from agent ids (and "default") to whether they have V2X.
         settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
         seed: Seed for the choice of agents and for the random numbers of cooperation.
         threads: Number of planning threads; None: the number of cores. Results do not depend on it.
-        on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`); "raise": it
-            passes through, for a debugger; planners then stay in this process, without a time limit.
+        on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
         on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
 
     Returns:

@@ -11,13 +11,13 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::Point;
 use interdrive_core::trajectory::State;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
-use crate::scenario::{PyParticipants, PyRoadNetwork, PyShape};
+use crate::scenario::{PyParticipants, PyRoadNetwork};
 use crate::settings::read;
 
 type Floats<'py> = PyReadonlyArray1<'py, f64>;

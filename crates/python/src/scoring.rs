@@ -10,7 +10,7 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::polyline::Polyline;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::RoadNetwork;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
