@@ -14,12 +14,12 @@ import argparse
 import json
 import os
 import re
-import shutil
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MEASURED = ROOT / "out" / "measured.json"
 DOCUMENT = ROOT / "docs" / "research" / "performance.md"
+FIGURES = ROOT / "docs" / "figures"
 #: Sections of the document that are made from files of the same name in out/.
 SECTIONS = ("floors", "start", "handler", "rule_based", "frenetix")
 
@@ -52,11 +52,15 @@ def write_document(study: Path | None, targets: str) -> None:
     text = filled(DOCUMENT.read_text(encoding="utf-8"), "targets", targets)
     if study is not None:
         from runtime import document, read_study
+        from runtime_figures import growth_figure, runtime_figure
 
-        text = filled(text, "study", document(read_study(study)))
-        for figure in ("runtime", "growth"):
-            if (study / f"{figure}.png").is_file():
-                shutil.copyfile(study / f"{figure}.png", ROOT / "docs" / "figures" / f"study_{figure}.png")
+        from interdrive.plots import save_figure
+
+        found = read_study(study)
+        text = filled(text, "study", document(found))
+        for name, figure in (("runtime", runtime_figure(found)), ("growth", growth_figure(found))):
+            if figure is not None:
+                save_figure(figure, FIGURES / f"study_{name}.png")
     for name in SECTIONS:
         made = MEASURED.with_name(f"{name}.md")
         if made.is_file():

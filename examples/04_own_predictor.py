@@ -49,7 +49,7 @@ class Turning:
 
 def main() -> None:
     check_predictor(Turning)
-    found = idr.evaluate_predictors("t_junction", ["constant_velocity", Turning], with_timing=False)
+    found = idr.evaluate_predictors("t_junction", ["constant_velocity", Turning])
     for row in found.table.to_pylist():
         if (row["category"], row["traffic"]) == ("junction", "all"):
             print(f"{row['predictor']}: {row['fde_3']:.2f} m after 3 s, best mode {row['fde_best_3']:.2f} m")

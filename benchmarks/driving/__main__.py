@@ -2,6 +2,7 @@
 
     python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving --csv new.csv --against old.csv      # agents that changed between two builds
+    python benchmarks/driving --planner idm_mobil --csv idm_mobil.csv --against frenet.csv      # two planners, paired
     python benchmarks/driving --places A --set planner.frenet.level=1
     python benchmarks/driving --page docs/research/driving.md               # writes its tables into the page, too
 
@@ -14,59 +15,29 @@ import argparse
 import os
 import sys
 import time
-import tomllib
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import tables
 from drives import Driven, ReachableCache, drive
+from places import halves, place_of, places, scenario_files
 from realism import distances
 
 from interdrive.config.binding import bind
 from interdrive.config.schema import SimulationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
-SPLIT = ROOT / "training" / "split.toml"
-
-
-def scenario_files(folder: Path) -> list[Path]:
-    """All scenarios of the categories of a folder."""
-    return sorted(folder.glob("*/*.xml"))
-
-
-def places() -> dict[str, tuple[str, ...]]:
-    """Names of places, and the patterns of their files."""
-    listed = tomllib.loads(SPLIT.read_text(encoding="utf-8"))["place"]
-    return {place["name"]: tuple(place["files"]) for place in listed}
-
-
-def place_of(path: Path, known: dict[str, tuple[str, ...]]) -> str:
-    """The place that a file shows; its own name where that is not known."""
-    return next((name for name, files in known.items() if any(fnmatchcase(path.stem, one) for one in files)), path.stem)
-
-
-def halves(files: list[Path], known: dict[str, tuple[str, ...]]) -> dict[str, str]:
-    """Places by halves A and B, in turns by name among those of a category, the category of most of their files."""
-    categories: dict[str, Counter[str]] = {}
-    for path in files:
-        categories.setdefault(place_of(path, known), Counter())[path.parent.name] += 1
-    ordered = sorted((count.most_common(1)[0][0], name) for name, count in categories.items())
-    found, previous = {}, {}
-    for category, name in ordered:
-        found[name] = previous[category] = "B" if previous.get(category) == "A" else "A"
-    return found
 
 
 def drive_all(
-    files: list[Path], predictor: str, settings: SimulationSettings, workers: int, cache: ReachableCache
+    files: list[Path], planner: str, predictor: str, settings: SimulationSettings, workers: int, cache: ReachableCache
 ) -> list[Driven]:
     """Drives all files; the large ones are begun first."""
     known = places()
     with ProcessPoolExecutor(workers) as pool:
         futures = {
-            path: pool.submit(drive, path, place_of(path, known), cache.of(path), predictor, settings)
+            path: pool.submit(drive, path, place_of(path, known), cache.of(path), predictor, settings, planner=planner)
             for path in sorted(files, key=lambda path: (-path.stat().st_size, path))
         }
         driven = [futures[path].result() for path in files]
@@ -77,7 +48,8 @@ def drive_all(
 def main() -> int:
     parser = argparse.ArgumentParser(prog="driving", description=(__doc__ or "").splitlines()[0])
     default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
-    parser.add_argument("folder", type=Path, nargs="?", default=default, help="of folders, one per category")
+    parser.add_argument("folder", type=Path, nargs="?", default=default, help="of scenarios, or of folders of them")
+    parser.add_argument("--planner", default="frenet", help="of all agents, as for interdrive run")
     parser.add_argument("--predictor", default="neural")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="a setting of interdrive run")
     parser.add_argument("--places", choices="AB", help="only this half of the places")
@@ -95,7 +67,7 @@ def main() -> int:
         files = [path for path in files if half[place_of(path, known)] == arguments.places]
     files = [path for path in files if fnmatchcase(path.stem, arguments.only or "*")]
     if not files:
-        print(f"{arguments.folder}: no scenario (a folder of folders with .xml files is expected)", file=sys.stderr)
+        print(f"{arguments.folder}: no scenario (.xml files are expected in it or in its folders)", file=sys.stderr)
         return 2
     try:
         page = arguments.page and arguments.page.read_text(encoding="utf-8")
@@ -104,16 +76,22 @@ def main() -> int:
     except (OSError, ValueError) as error:
         print(f"{arguments.page}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return 2
+    try:
+        old = tables.read_csv(arguments.against) if arguments.against else None
+    except (OSError, ValueError) as error:
+        print(f"{arguments.against}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
+        return 2
     settings = bind(SimulationSettings(), dict(one.split("=", 1) for one in arguments.set))
     cache = ReachableCache(arguments.reachable)
-    driven = drive_all(files, arguments.predictor, settings, arguments.workers, cache)
+    driven = drive_all(files, arguments.planner, arguments.predictor, settings, arguments.workers, cache)
     drives = [row for one in driven for row in one.drives]
-    old = tables.read_csv(arguments.against) if arguments.against else None
     tables.write_csv(drives, arguments.csv)
     samples = [sample for one in driven for sample in one.samples]
     written = [
         tables.shares(drives),
-        f"Reachable agents: {tables.outcomes(drives)}.",
+        f"Reachable agents: {tables.outcomes(drives)}. Agents that break a rule: {tables.violations(drives)}.",
+        f"Manner of driving:\n\n{tables.manner(drives)}",
+        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}.",
         f"By halves of the places:\n\n{tables.halves(drives, half)}",
         f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
         f"Seconds lost by cause:\n\n{tables.causes(drives)}",

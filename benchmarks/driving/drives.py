@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from causes import Delay, held_up_by
+from comfort import UNKNOWN, extremes
+from events import events
+from free_way import free
+from pace import paces
 from realism import Samples, samples_of
 
 from interdrive.errors import InterdriveError
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive import _core
     from interdrive.config.schema import SimulationSettings
     from interdrive.runs import Run
 
@@ -28,6 +33,8 @@ if TYPE_CHECKING:
 STANDING, SLOW = 0.1, 1.0
 #: Standing or being slow for longer counts [s].
 LONG = 10.0
+#: Outcomes of agents that arrive.
+ENDED_WELL = ("goal_reached", "goal_reached_late")
 
 
 @dataclass(frozen=True)
@@ -48,6 +55,13 @@ class Drive:
         impact_speed: Relative speed at the contact [m/s]; nan without.
         cause: What held it up longest before its deadline; "" where it was in time.
         head_id: The first vehicle of the queue that the cause belongs to. cause_seconds: Delay from that cause [s].
+        pace, recorded_pace: Share of free flow, see pace.py; nan where it says nothing.
+        brake, across, jerk: Largest values, see comfort.py. recorded_brake and so on: The same of its recording.
+        stands_at_end: It ends standing, neither at its goal nor in a collision.
+        stood_free: Longest time for which it stood with a free way, see free_way.py [s]; 0 up to 10 s of standing.
+        violations: Rules of the road that it broke. broken: Their names, each once.
+        recorded_violations: The same of its recording.
+        event: What it failed in, see events.py: the smallest id of the agents in it; -1 if it did not fail.
     """
 
     category: str
@@ -71,6 +85,20 @@ class Drive:
     cause: str
     head_id: int
     cause_seconds: float
+    pace: float
+    recorded_pace: float
+    brake: float
+    across: float
+    jerk: float
+    recorded_brake: float
+    recorded_across: float
+    recorded_jerk: float
+    stands_at_end: bool
+    stood_free: float
+    violations: int
+    broken: str
+    recorded_violations: int
+    event: int
 
 
 @dataclass(frozen=True)
@@ -85,6 +113,14 @@ class Driven:
     refused: str = ""
 
 
+@dataclass(frozen=True)
+class Failures:
+    """By agents that fail: their event; what held them up, the head of their queue, and the delay from it [s]."""
+
+    events: dict[int, int]
+    causes: dict[int, tuple[str, int, float]]
+
+
 def drive(
     path: Path,
     place: str,
@@ -92,25 +128,29 @@ def drive(
     predictor: str,
     settings: SimulationSettings,
     *,
+    planner: str = "frenet",
     with_causes: bool = True,
 ) -> Driven:
     """Drives a scenario; `reachable` are the ids of the reachable agents if they are known already."""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     try:
         known = _reachable(path) if reachable is None else tuple(reachable)
-        simulation = Simulation(path, predictor=predictor, settings=settings, threads=1)
+        simulation = Simulation(path, planner=planner, predictor=predictor, settings=settings, threads=1)
         run = simulation.run()
     except InterdriveError as error:
         return Driven(path, digest, (), (), (), str(error).removeprefix(f"{path}: "))
     routes = [agent.route for agent in simulation.agents]
     delays = {agent.id: Delay.of(run, i, routes[i]) for i, agent in enumerate(run.agents)}
-    failing = [
-        agent.id
-        for agent, outcome in zip(run.agents, run.outcomes.outcome, strict=True)
-        if agent.id in known and outcome != "goal_reached"
-    ]
-    causes = held_up_by(simulation, delays, failing) if failing and with_causes else {}
-    drives = tuple(_row(run, i, path, place, known, delays, causes) for i in range(len(run.agents)))
+    ends = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True))
+    lost = [agent for agent in ends if agent in known and ends[agent] != "goal_reached"]
+    failures = Failures(
+        events(run, routes, delays, {*lost, *(agent for agent in ends if ends[agent] == "collision")}),
+        held_up_by(simulation, delays, lost) if lost and with_causes else {},
+    )
+    drives = tuple(
+        _row(run, i, path, place, agent.id in known, delays[agent.id], failures, simulation)
+        for i, agent in enumerate(run.agents)
+    )
     samples = tuple(samples_of(run, i, routes[i], path.parent.name) for i in range(len(run.agents)))
     return Driven(path, digest, known, drives, tuple(one for one in samples if one is not None))
 
@@ -144,40 +184,79 @@ def _row(
     i: int,
     path: Path,
     place: str,
-    reachable: Sequence[int],
-    delays: dict[int, Delay],
-    causes: dict[int, tuple[str, int, float]],
+    is_reachable: bool,
+    delay: Delay,
+    failures: Failures,
+    simulation: Simulation,
 ) -> Drive:
-    agent, ended, dt = run.agents[i], run.outcomes, run.scenario.dt
+    agent, ended, states, dt = run.agents[i], run.outcomes, run.states, run.scenario.dt
     outcome, step = ended.outcome[i], int(ended.time_step[i])
-    cause, head, seconds = causes.get(agent.id, ("", -1, float("nan")))
+    cause, head, seconds = failures.causes.get(agent.id, ("", -1, float("nan")))
     partner, partner_id = _partner(run, i)
-    speed = run.states.velocity[np.searchsorted(run.states.participant_id, agent.id)]
-    recorded = _recorded_speed(run, agent.id)
-    late = (step - agent.goal_time_step[1]) * dt if outcome == "goal_reached_late" else float("nan")
+    row, route = int(np.searchsorted(states.participant_id, agent.id)), simulation.agents[i].route
+    speed = states.velocity[row]
+    present, stands = np.flatnonzero(states.valid[row]), states.valid[row] & (np.abs(speed) < STANDING)
+    recording = np.flatnonzero(run.scenario.obstacles.ids == agent.id)
+    recorded = run.scenario.obstacles.velocity[recording[0]] if len(recording) else np.empty(0)
+    smooth = extremes(states, row, dt)
+    human = extremes(run.scenario.obstacles, int(recording[0]), dt) if len(recording) else UNKNOWN
+    pace, recorded_pace = paces(run, i, route, simulation.road)
+    broken = _broken(run, agent.id, "agent")
     return Drive(
-        path.parent.name,
-        place,
-        path.stem,
-        agent.id,
-        agent.origin,
-        agent.id in reachable,
-        outcome,
-        step * dt,
-        late,
-        delays[agent.id].at(min(step, agent.goal_time_step[1])),
-        longest(speed < STANDING, dt),
-        longest(speed < SLOW, dt),
-        longest(recorded < SLOW, dt),
-        float(np.nanmax(np.abs(np.diff(speed)), initial=0.0)) / dt,
-        float(ended.off_lanelets[i]),
-        partner,
-        partner_id,
-        float(ended.impact_speed[i]),
-        cause,
-        head,
-        seconds,
+        category=path.parent.name,
+        place=place,
+        scenario=path.stem,
+        agent_id=agent.id,
+        origin=agent.origin,
+        reachable=is_reachable,
+        outcome=outcome,
+        time=step * dt,
+        late=(step - agent.goal_time_step[1]) * dt if outcome == "goal_reached_late" else float("nan"),
+        lost=delay.at(min(step, agent.goal_time_step[1])),
+        stood=longest(speed < STANDING, dt),
+        slow=longest(speed < SLOW, dt),
+        recorded_slow=longest(recorded < SLOW, dt),
+        hardest=float(np.nanmax(np.abs(np.diff(speed)), initial=0.0)) / dt,
+        off_lanelets=float(ended.off_lanelets[i]),
+        partner=partner,
+        partner_id=partner_id,
+        impact_speed=float(ended.impact_speed[i]),
+        cause=cause,
+        head_id=head,
+        cause_seconds=seconds,
+        pace=pace,
+        recorded_pace=recorded_pace,
+        brake=smooth.brake,
+        across=smooth.across,
+        jerk=smooth.jerk,
+        recorded_brake=human.brake,
+        recorded_across=human.across,
+        recorded_jerk=human.jerk,
+        stands_at_end=bool(stands[present[-1:]].any()) and outcome not in ENDED_WELL and outcome != "collision",
+        stood_free=_stood_free(run, row, route, stands),
+        violations=len(broken),
+        broken=" ".join(sorted(set(broken))),
+        recorded_violations=len(_broken(run, agent.id, "recording")),
+        event=failures.events.get(agent.id, -1),
     )
+
+
+def _stood_free(run: Run, row: int, route: _core.Route, stands: NDArray[np.bool_]) -> float:
+    """The longest time for which an agent stood with a free way [s]; 0 if it never stood for long."""
+    if longest(stands, run.scenario.dt) <= LONG:
+        return 0.0
+    idle, steps = stands.copy(), np.flatnonzero(stands)
+    idle[steps] = free(run, row, route, steps)
+    return longest(idle, run.scenario.dt)
+
+
+def _broken(run: Run, agent_id: int, source: str) -> list[str]:
+    """Names of the rules that an agent or its recording broke, one for each violation."""
+    found = run.violations
+    if found is None:
+        return []
+    rows = zip(found.participant_id.tolist(), found.source, found.rule, strict=True)
+    return [rule for participant, by, rule in rows if (participant, by) == (agent_id, source)]
 
 
 def _partner(run: Run, i: int) -> tuple[str, int]:
@@ -193,13 +272,6 @@ def _partner(run: Run, i: int) -> tuple[str, int]:
         return "agent", partner
     speed = states.velocity[row, max(0, int(ended.time_step[i]) - states.first_time_step)]
     return ("standing" if states.is_static[row] or speed < STANDING else "replayed"), partner
-
-
-def _recorded_speed(run: Run, agent_id: int) -> NDArray[np.float64]:
-    """Speed in the recording of an agent [m/s]; empty for a planning problem."""
-    obstacles = run.scenario.obstacles
-    row = np.flatnonzero(obstacles.ids == agent_id)
-    return obstacles.velocity[row[0]] if len(row) else np.empty(0)
 
 
 def longest(mask: NDArray[np.bool_], dt: float) -> float:

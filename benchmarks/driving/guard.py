@@ -42,6 +42,8 @@ class Figures:
     stands: tuple[int, ...]
     #: Agents that change their speed faster than a vehicle can; not stored, there must be none.
     jumps: tuple[int, ...] = ()
+    #: Violations of rules of the road; not stored, but printed.
+    violations: int = 0
 
     @classmethod
     def of(cls, sha256: str, drives: tuple[Drive, ...]) -> Figures:
@@ -53,6 +55,7 @@ class Figures:
             sum(one.partner == "agent" for one in drives),
             tuple(one.agent_id for one in drives if one.stood > LONG),
             tuple(one.agent_id for one in drives if one.hardest > HARDEST),
+            sum(one.violations for one in drives),
         )
 
     @classmethod
@@ -65,6 +68,11 @@ class Figures:
     def in_time(self) -> int:
         """Reachable agents that reach their goal in time."""
         return sum(self.outcomes[agent] == "goal_reached" for agent in self.reachable)
+
+    @property
+    def collisions(self) -> int:
+        """Agents that collide with anything."""
+        return sum(outcome == "collision" for outcome in self.outcomes.values())
 
 
 def share(figures: dict[str, Figures]) -> float:
@@ -164,7 +172,11 @@ def main() -> int:
         store(now, arguments.update)
         return 0
     worse = failures(stored, now)
-    print(f"{share(now):.1f} % of reachable agents in time (stored: {share(stored):.1f} %)")
+    collide, before = (sum(one.collisions for one in figures.values()) for figures in (now, stored))
+    print(
+        f"{share(now):.1f} % of reachable agents in time (stored: {share(stored):.1f} %), {collide} agents collide "
+        f"(stored: {before}), {sum(one.violations for one in now.values())} violations"
+    )
     print(*worse, sep="\n")
     return 1 if worse else 0
 

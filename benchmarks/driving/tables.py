@@ -7,7 +7,10 @@ from collections import Counter, defaultdict
 from dataclasses import astuple, fields
 from typing import TYPE_CHECKING, Any
 
+import measures
+import numpy as np
 from drives import LONG, Drive
+from measures import is_lost
 from realism import QUANTITIES
 
 if TYPE_CHECKING:
@@ -25,7 +28,8 @@ SIDE_BY_SIDE = (
 _HEADINGS = (
     *("category", "agents", "in time", "share", "reachable", "in time", "share", "body on lanelets"),
     "seconds lost",
-    *("ran into agents", "replayed", "standing", "road edge", "slow > 10 s", "stand > 10 s"),
+    *("ran into agents", "replayed", "standing", "road edge", "violations", "lost events", "collision events"),
+    *("slow > 10 s", "stand > 10 s"),
 )
 _TYPES: dict[str, Any] = {"str": str, "int": int, "float": float, "bool": lambda text: text == "True"}
 
@@ -41,12 +45,17 @@ def write_csv(drives: Sequence[Drive], path: Path) -> None:
 
 
 def read_csv(path: Path) -> list[Drive]:
-    """The rows of a file that `write_csv` wrote."""
+    """The rows of a file that `write_csv` wrote.
+
+    Raises:
+        ValueError: A column is absent.
+    """
     with path.open(newline="", encoding="utf-8") as file:
-        return [
-            Drive(**{f.name: _TYPES[str(f.type)](row.get(f.name, "nan")) for f in fields(Drive)})
-            for row in csv.DictReader(file)
-        ]
+        reader = csv.DictReader(file)
+        absent = [f.name for f in fields(Drive) if f.name not in (reader.fieldnames or ())]
+        if absent:
+            raise ValueError(f"has no column {absent[0]}; an older benchmark wrote it")
+        return [Drive(**{f.name: _TYPES[str(f.type)](row[f.name]) for f in fields(Drive)}) for row in reader]
 
 
 def in_time(drives: Iterable[Drive]) -> int:
@@ -83,10 +92,63 @@ def shares(drives: Sequence[Drive]) -> str:
             *(len(reachable), in_time(reachable), _percent(reachable)),
             *(in_time(one for one in reachable if one.off_lanelets <= ON_LANELETS), f"{lost:.0f}"),
             *(hits[partner] for partner in ("agent", "replayed", "standing", "road edge")),
+            *(sum(one.violations for one in rows), *_events(rows)),
             *(sum(map(is_stuck, rows)), sum(one.stood > LONG for one in rows)),
         )
         lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines)
+
+
+def _events(drives: Sequence[Drive]) -> tuple[int, int]:
+    """How many events reachable agents were lost in, and how many had collisions."""
+    collided = [one for one in drives if one.outcome == "collision"]
+    return measures.count_events(filter(is_lost, drives)), measures.count_events(collided)
+
+
+def manner(drives: Sequence[Drive]) -> str:
+    """Pace, comfort, standing and violations by category, their intervals, and the recorded people beside them."""
+    shown = (*measures.MANNER, measures.VIOLATIONS)
+    lines = [f"| category | agents | {' | '.join(one.title for one in shown)} |", "|---|" + "--:|" * (len(shown) + 1)]
+    for category, rows in by_category(drives).items():
+        cells = [one.shown(measures.value(map(one.of, rows), one.quantile)) for one in shown]
+        lines.append(f"| {category} | {len(rows)} | {' | '.join(cells)} |")
+    what, of = measures.units(drives)
+    cells = [_interval(one, measures.interval([measures.of_agents(one, drives)], of, one.quantile)) for one in shown]
+    lines.append(f"| 95 % over {of.max(initial=-1) + 1} {what} | | {' | '.join(cells)} |")
+    people = [one for one in drives if one.origin == "recorded"]
+    cells = [
+        one.shown(measures.value(map(one.recorded, people), one.quantile)) if one.recorded else "" for one in shown
+    ]
+    lines.append(f"| recorded people | {len(people)} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _interval(measure: measures.Measure, bounds: tuple[float, float], sign: str = "") -> str:
+    low, high = (measure.shown(bound, sign) for bound in bounds)
+    return f"{low} to {high}" if low and high else ""
+
+
+def violations(drives: Sequence[Drive]) -> str:
+    """How many agents break which rule."""
+    counts = Counter(rule for one in drives for rule in one.broken.split())
+    return ", ".join(f"{rule} {n}" for rule, n in sorted(counts.items())) or "none"
+
+
+def slow_problems(drives: Sequence[Drive]) -> str:
+    """Planning problems beside free flow."""
+    paces = [one for one in drives if one.origin != "recorded" and not np.isnan(one.pace)]
+    slow = sum(map(measures.is_slow, paces))
+    return f"{slow} of {len(paces)} planning problems are slower than {measures.SLOW_SHARE} of free flow"
+
+
+def idle(drives: Sequence[Drive]) -> str:
+    """Agents that stand at their end or with a free way, one by one."""
+    rows = [
+        f"{one.scenario} {one.agent_id}" + (f" ({one.stood_free:.1f} s free)" if one.stood_free > LONG else "")
+        for one in drives
+        if measures.stands_idle(one)
+    ]
+    return "; ".join(rows) or "none"
 
 
 def _percent(drives: Sequence[Drive]) -> str:
@@ -94,10 +156,13 @@ def _percent(drives: Sequence[Drive]) -> str:
 
 
 def outcomes(drives: Sequence[Drive]) -> str:
-    """How reachable agents end."""
+    """How reachable agents end, and the interval of the share in time."""
     counts = Counter(one.outcome for one in drives if one.reachable)
     narrowly = sum(one.reachable and 0 < one.late <= 1 for one in drives)
-    return ", ".join(f"{name} {n}" for name, n in counts.most_common()) + f" ({narrowly} late by at most 1 s)"
+    ends = ", ".join(f"{name} {n}" for name, n in counts.most_common()) + f" ({narrowly} late by at most 1 s)"
+    what, of = measures.units(drives)
+    bounds = _interval(measures.IN_TIME, measures.interval([measures.of_agents(measures.IN_TIME, drives)], of, None))
+    return ends + (f"; in time with 95 % confidence over {of.max() + 1} {what}: {bounds}" if bounds else "")
 
 
 def causes(drives: Sequence[Drive]) -> str:
@@ -124,11 +189,18 @@ def causes(drives: Sequence[Drive]) -> str:
 
 def halves(drives: Sequence[Drive], half_of: dict[str, str]) -> str:
     """Reachable agents in time, by half of the places; `half_of` gives the half of a place."""
-    lines = ["| half | reachable | in time | share | urban | in time | share |", "|---|" + "--:|" * 6]
+    lines = [
+        "| half | reachable | in time | share | urban | in time | share | collisions | violations |",
+        "|---|" + "--:|" * 8,
+    ]
     for half in sorted(set(half_of.values())):
-        rows = [one for one in drives if one.reachable and half_of.get(one.place) == half]
+        everyone = [one for one in drives if half_of.get(one.place) == half]
+        rows = [one for one in everyone if one.reachable]
         urban = [one for one in rows if one.category == "urban"]
-        cells = (half, len(rows), in_time(rows), _percent(rows), len(urban), in_time(urban), _percent(urban))
+        cells = (
+            *(half, len(rows), in_time(rows), _percent(rows), len(urban), in_time(urban), _percent(urban)),
+            *(sum(one.outcome == "collision" for one in everyone), sum(one.violations for one in everyone)),
+        )
         lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines)
 
@@ -205,23 +277,53 @@ def _number(value: float) -> str:
 
 
 def changes(old: Sequence[Drive], new: Sequence[Drive]) -> str:
-    """Agents whose outcome differs between two builds; `reachable` is that of the old one."""
-    before = {(one.scenario, one.agent_id): one for one in old}
-    pairs = [(before[key], one) for one in new if (key := (one.scenario, one.agent_id)) in before]
-    lines = [
-        "| category | reachable before | in time before | in time now | gained | lost |",
-        "|---|" + "--:|" * 5,
-    ]
+    """Agents whose outcome differs between two builds or planners; `reachable` is that of the old one."""
+    before = {(one.category, one.scenario, one.agent_id): one for one in old}
+    pairs = [(before[key], one) for one in new if (key := (one.category, one.scenario, one.agent_id)) in before]
+    headings = ("category", "reachable before", "in time before", "in time now", "gained", "lost")
+    headings += ("collisions before", "collisions now", "violations before", "violations now")
+    lines = [f"| {' | '.join(headings)} |", "|---|" + "--:|" * (len(headings) - 1)]
     for category in by_category(new):
-        rows = [(a, b) for a, b in pairs if a.reachable and category in (b.category, "all")]
+        both = [(a, b) for a, b in pairs if category in (b.category, "all")]
+        rows = [(a, b) for a, b in both if a.reachable]
         was, now = (in_time(pair[side] for pair in rows) for side in (0, 1))
         gained = sum(b.outcome == "goal_reached" != a.outcome for a, b in rows)
-        lines.append(f"| {category} | {len(rows)} | {was} | {now} | {gained} | {was + gained - now} |")
+        cells = (
+            *(category, len(rows), was, now, gained, was + gained - now),
+            *(sum(pair[side].outcome == "collision" for pair in both) for side in (0, 1)),
+            *(sum(pair[side].violations for pair in both) for side in (0, 1)),
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    lines += ["", paired(pairs)]
     lines += ["", "| scenario | agent | reachable | before | now | cause now |", "|---|--:|---|---|---|---|"]
     for a, b in pairs:
         if a.outcome != b.outcome:
             cells = (b.scenario, b.agent_id, "yes" if a.reachable else "no", _end(a), _end(b), b.cause)
             lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines)
+
+
+def paired(pairs: Sequence[tuple[Drive, Drive]]) -> str:
+    """All measures of the same agents before and now, with intervals of their change; events are counted, too."""
+    what, of = measures.units([a for a, _ in pairs])
+    lines = [
+        f"| measure | agents | before | now | change | 95 % over {of.max(initial=-1) + 1} {what} | more | less |",
+        "|---|" + "--:|" * 7,
+    ]
+    for one in measures.ALL:
+        found = np.array([(one.of(a), one.of(b)) for a, b in pairs], dtype=np.float64).reshape(-1, 2)
+        there = ~np.isnan(found).any(axis=1)
+        was, now = found[there].T
+        values = [measures.value(side, one.quantile) for side in (was, now)]
+        bounds = measures.interval([was, now], of[there], one.quantile)
+        cells = (
+            *(one.title, there.sum(), *map(one.shown, values), one.shown(values[1] - values[0], "+")),
+            *(_interval(one, bounds, "+"), (now > was).sum(), (now < was).sum()),
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    counts = zip(*(_events([pair[side] for pair in pairs]) for side in (0, 1)), strict=True)
+    for title, (was, now) in zip(("events with lost agents", "events with collisions"), counts, strict=True):
+        lines.append(f"| {title} | {len(pairs)} | {was} | {now} | {now - was:+d} | | | |")
     return "\n".join(lines)
 
 

@@ -59,7 +59,7 @@ def draw(figure: Figure, place: tuple[float, float, float, float], path: Path, r
     delay, there = Delay.of(run, i, simulation.agents[i].route), np.flatnonzero(states.valid[own])
     span = round(SPAN / dt)
     column = int(max(there, key=lambda step: delay.growth(states.first_time_step + int(step), span)))
-    view = View(0.0, (0.0, 0.0), SIDE, SIDE).centered_at(np.array([states.x[own, column], states.y[own, column]]))
+    view = View(0.0, (float(states.x[own, column]), float(states.y[own, column])), SIDE, SIDE)
     axes = map_axes(figure, place, run.scenario.lanelets, view)
     footprints = Footprints(run)
     for other in np.flatnonzero(states.valid[:, column]).tolist():

@@ -29,10 +29,8 @@ _Interval = tuple[float, float]
 __all__ = [
     "CODES",
     "COMFORTABLE_DECELERATION",
-    "COMMITTED",
     "DESIGN_WIDTH",
     "JUDGED_STANDSTILL_SPEED",
-    "MEETING_MARGIN",
     "NEURAL",
     "PLAN_POINTS_MAX",
     "RASTER",
@@ -47,6 +45,7 @@ __all__ = [
     "Goal",
     "NeuralInputs",
     "NeuralNetwork",
+    "Participants",
     "Planner",
     "Predictions",
     "Predictor",
@@ -90,17 +89,15 @@ PLAN_POINTS_MAX: int
 #: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
 #: How vehicles drive, as in `conduct.rs`: comfortable braking [m/s²]; an agent stands below the first speed, and stood
-#: below the second for who judges a run [m/s].
+#: below the second when its run is judged [m/s].
 COMFORTABLE_DECELERATION: float
 STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float
 #: Stops count so far before the line of a sign [m].
 STOP_REACH: float
-#: One that needs more than `COMMITTED` to stop before a junction has entered it [m/s²]; orders are asked from `REACH`
-#: [m] or `REACH_TIME` [s] on; areas are for vehicles of `DESIGN_WIDTH`, those that meet need `MEETING_MARGIN` more [m].
-COMMITTED: float
+#: Orders are asked from `REACH` [m] or `REACH_TIME` [s] before a junction on; its areas are for vehicles of
+#: `DESIGN_WIDTH` [m].
 DESIGN_WIDTH: float
-MEETING_MARGIN: float
 REACH: float
 REACH_TIME: float
 
@@ -165,13 +162,10 @@ class RoadNetwork:
     def covers(self, shape: Shape, x: float, y: float, orientation: float) -> bool: ...
 
 @final
-class Scenario:
+class Participants:
     def __new__(
         cls,
-        dt: float,
-        road: RoadNetwork,
         ids: Sequence[int],
-        kinds: Sequence[int],
         shapes: Sequence[Shape],
         is_static: Sequence[bool],
         first_time_step: int,
@@ -180,8 +174,18 @@ class Scenario:
         orientation: _Floats,
         velocity: _Floats,
         acceleration: _Floats,
-        yaw_rate: _Floats,
         valid: _Bools,
+        yaw_rate: _Floats | None = ...,
+    ) -> Participants: ...
+
+@final
+class Scenario:
+    def __new__(
+        cls,
+        dt: float,
+        road: RoadNetwork,
+        participants: Participants,
+        kinds: Sequence[int],
         lights: Sequence[tuple[int, int, Sequence[tuple[int, int]]]] = ...,
         lines: Sequence[
             tuple[int, tuple[_Interval, _Interval], bool, Sequence[tuple[int, Sequence[int]]], Sequence[int]]
@@ -682,6 +686,7 @@ class World:
     def states(self) -> dict[str, Any]: ...
     def sightings(self) -> dict[str, Any]: ...
     def waits(self) -> dict[str, Any]: ...
+    def entries(self) -> dict[str, Any]: ...
     def plans(self) -> dict[str, Any]: ...
 
 @final
@@ -818,16 +823,7 @@ def overlapping_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) 
 def evaluate_criticality(
     dt: float,
     road: RoadNetwork,
-    ids: Sequence[int],
-    shapes: Sequence[Shape],
-    is_static: Sequence[bool],
-    first_time_step: int,
-    x: _Floats,
-    y: _Floats,
-    orientation: _Floats,
-    velocity: _Floats,
-    acceleration: _Floats,
-    valid: _Bools,
+    participants: Participants,
     *,
     judged: Sequence[int],
     deceleration: Sequence[float],
@@ -844,22 +840,7 @@ def leaves_road(
 
 @final
 class Traffic:
-    def __new__(
-        cls,
-        dt: float,
-        road: RoadNetwork,
-        crossing: Sequence[int],
-        ids: Sequence[int],
-        shapes: Sequence[Shape],
-        is_static: Sequence[bool],
-        first_time_step: int,
-        x: _Floats,
-        y: _Floats,
-        orientation: _Floats,
-        velocity: _Floats,
-        acceleration: _Floats,
-        valid: _Bools,
-    ) -> Traffic: ...
+    def __new__(cls, dt: float, road: RoadNetwork, participants: Participants, crossing: Sequence[int]) -> Traffic: ...
     def straight_times(
         self, judged: Sequence[int], rear_axle_to_center: Sequence[float], horizon: float, threads: int
     ) -> tuple[_Floats, _Ints]: ...

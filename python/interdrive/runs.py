@@ -137,22 +137,21 @@ class Run(RunRecord):
 
         return draw_figure(self, kind, agents=agents, measures=measures, columns=columns)
 
-    def animation(self, path: str | Path, *, agent_id: int | None = None, fps: float = 10.0) -> Path:
+    def animation(self, path: str | Path, *, fps: float = 10.0) -> Path:
         """Writes a film of the run and returns its path.
 
         Args:
             path: File that ends in .gif or .mp4.
-            agent_id: Agent to follow, with its recorded candidates and predictions; None: the whole scene.
             fps: Frames per second.
 
         Raises:
-            InputError: `agent_id` is not an agent of the run, or `fps` is not positive.
+            InputError: `fps` is not positive.
             ResultsError: Another ending, or a file that cannot be written.
             MissingExtraError: MP4 without ffmpeg on the PATH.
         """
         from interdrive.plots import animate_run  # noqa: PLC0415 - matplotlib
 
-        animate_run(self, path, agent_id, fps=fps)
+        animate_run(self, path, fps=fps)
         return Path(path)
 
     def show(self) -> RunPage:

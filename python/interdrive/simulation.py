@@ -25,7 +25,7 @@ from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import STANDSTILL, reasons
-from interdrive.run.violations import Grants, violations
+from interdrive.run.violations import violations
 from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
@@ -339,7 +339,7 @@ class Simulation:
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
         broken = (
-            violations(run, self.road, self._core_scenario.junctions(), self._grants())
+            violations(run, self.road, self._core_scenario.junctions(), self.world.obeying, self.world.entries())
             if self.settings.record.violations
             else None
         )
@@ -353,12 +353,6 @@ class Simulation:
         """What agents were told; None if none enters junctions by order and none has waited."""
         orders = orders_of(self.world.waits())
         return orders if self.world.obeying or len(orders.agent_id) else None
-
-    def _grants(self) -> Grants:
-        """What agents were told about junctions."""
-        obeying = set(self.world.obeying)
-        paths = {agent.id: agent.route.reference_path for agent in self.agents if agent.id in obeying}
-        return Grants(paths, self.world.waits())
 
     def _ended_early(self, outcomes: Outcomes) -> list[str]:
         """One line if the run ended before the time of its agents: after its largest number of steps, or standing."""

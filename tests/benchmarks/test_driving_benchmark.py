@@ -17,18 +17,6 @@ if not FOLDER.is_dir():
     pytest.skip("benchmarks/ is part of the repository, not of the package", allow_module_level=True)
 
 
-@pytest.fixture
-def part(monkeypatch):
-    monkeypatch.syspath_prepend(str(FOLDER))
-
-    def imported(name):
-        return __import__(name)
-
-    yield imported
-    for name in ("causes", "drives", "realism", "side_by_side", "tables", "worst"):
-        sys.modules.pop(name, None)
-
-
 def benchmark(*arguments):
     return subprocess.run(
         [sys.executable, str(FOLDER), *map(str, arguments), "--workers", "1"],
@@ -78,6 +66,28 @@ def test_the_agents_that_lose_most_are_drawn_one_per_queue(part, tmp_path):
     assert (tmp_path / "worst.png").stat().st_size > 5000
 
 
+def test_two_planners_are_compared_on_the_same_agents_of_a_folder_of_files(tmp_path):
+    shutil.copy(shipped_scenario("t_junction"), tmp_path)
+    cache = ("--reachable", tmp_path / "reachable.json")
+    first = benchmark(tmp_path, "--csv", tmp_path / "frenet.csv", *cache)
+    assert first.returncode == 0, first.stderr
+    second = benchmark(
+        tmp_path, "--planner", "idm", "--csv", tmp_path / "idm.csv", "--against", tmp_path / "frenet.csv", *cache
+    )
+    assert second.returncode == 0, second.stderr
+    paired = second.stdout.split("## Against")[1]
+    assert "| collides | 8 |" in paired
+    assert "| events with collisions | 8 |" in paired
+
+
+def test_rows_of_an_older_benchmark_are_refused_before_driving(tmp_path):
+    shutil.copy(shipped_scenario("t_junction"), tmp_path)
+    (tmp_path / "old.csv").write_text("category,place,scenario\n")
+    done = benchmark(tmp_path, "--against", tmp_path / "old.csv")
+    assert done.returncode == 2
+    assert done.stderr.endswith("has no column agent_id; an older benchmark wrote it\n")
+
+
 def test_a_folder_without_scenarios_is_refused_in_one_line(tmp_path):
     done = benchmark(tmp_path)
     assert done.returncode == 2
@@ -97,38 +107,29 @@ def test_the_longest_stand_is_one_without_a_break(part):
     assert part("drives").longest(np.zeros(0, dtype=bool), 0.5) == 0.0
 
 
-def row(part, agent_id, **changed):
-    text = dict.fromkeys(("category", "place", "scenario", "origin", "partner"), "")
-    number = dict.fromkeys(
-        ("time", "lost", "stood", "slow", "recorded_slow", "hardest", "off_lanelets", "impact_speed"), 0.0
-    )
-    ended = {"reachable": True, "outcome": "goal_reached", "late": float("nan"), "cause": "", "cause_seconds": 0.0}
-    ids = {"agent_id": agent_id, "partner_id": -1, "head_id": -1}
-    return part("drives").Drive(**text | number | ended | ids | changed)
-
-
-def test_failing_agents_stand_beside_their_cause_with_the_head_of_their_queue(part):
+def test_failing_agents_stand_beside_their_cause_with_the_head_of_their_queue(part, row):
     late = {"scenario": "S", "outcome": "goal_reached_late", "cause": "steering"}
     drives = [
-        row(part, 1, **late, late=1.0, head_id=1),
-        row(part, 2, **late, late=2.9, head_id=1),
-        row(part, 3, scenario="S", outcome="time_limit"),
-        row(part, 4, scenario="S"),
-        row(part, 5, **late, late=9.0, reachable=False),
+        row(1, **late, late=1.0, head_id=1),
+        row(2, **late, late=2.9, head_id=1),
+        row(3, scenario="S", outcome="time_limit"),
+        row(4, scenario="S"),
+        row(5, **late, late=9.0, reachable=False),
     ]
     lines = part("tables").failing(drives).splitlines()[2:]
     assert lines == ["| steering | 1 | 1 | 0 | 0 | S 1, 2 (1) |", "| none found | 0 | 0 | 0 | 1 | S 3 |"]
 
 
-def test_halves_count_reachable_agents_at_their_places(part):
+def test_halves_count_reachable_agents_at_their_places(part, row):
     drives = [
-        row(part, 1, place="P", category="urban"),
-        row(part, 2, place="P", category="highway", outcome="time_limit"),
-        row(part, 3, place="P", reachable=False),
-        row(part, 4, place="Q"),
+        row(1, place="P", category="urban"),
+        row(2, place="P", category="highway", outcome="time_limit"),
+        row(3, place="P", reachable=False, violations=3),
+        row(4, place="Q"),
+        row(5, place="Q", reachable=False, outcome="collision"),
     ]
     lines = part("tables").halves(drives, {"P": "A", "Q": "B"}).splitlines()[2:]
-    assert lines == ["| A | 2 | 1 | 50.0 % | 1 | 1 | 100.0 % |", "| B | 1 | 1 | 100.0 % | 0 | 0 |  |"]
+    assert lines == ["| A | 2 | 1 | 50.0 % | 1 | 1 | 100.0 % | 0 | 3 |", "| B | 1 | 1 | 100.0 % | 0 | 0 |  | 1 | 0 |"]
 
 
 def test_only_what_stands_between_the_markers_of_a_page_is_replaced(part):

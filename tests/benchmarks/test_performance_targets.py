@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from benchmarks.runtime import document, measured_targets, peak_memory, read_study, target_rows
+from benchmarks.runtime_figures import growth_figure, runtime_figure
 
 from interdrive.storage import arrow_table
 from interdrive.studies.runtime import RuntimeStudy, save_runtime
@@ -60,3 +61,11 @@ def test_a_study_is_read_from_its_folder(tmp_path):
     again = read_study(save_runtime(study, tmp_path / "study"))
     assert again.steps.to_pylist() == study.steps.to_pylist()
     assert "| town | 5 |" in document(again)
+
+
+def test_growth_is_drawn_if_the_town_was_driven_with_two_numbers_of_agents():
+    grown = invented({(2, 1): [0.001], (5, 1): [0.002], (2, 2): [0.001], (5, 2): [0.002]})
+    assert growth_figure(grown).axes[0].get_xlabel() == "agents"
+    assert growth_figure(invented({(2, 1): [0.001], (2, 2): [0.001]})) is None
+    (panel,) = runtime_figure(grown).axes
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["2", "5"]

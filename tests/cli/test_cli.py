@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 from click.testing import CliRunner
-from invented_run import invented_run, with_agent_view
+from invented_run import invented_run
 
 from interdrive import files, simulation
 from interdrive.cli import main
@@ -157,11 +157,9 @@ def test_a_planner_error_is_saved_and_exits_with_1(simulated, here):
 
 
 def test_pictures_lie_beside_the_tables(simulated, here):
-    simulated.result = with_agent_view(GOOD, n_candidates=3)
-    assert invoke("run", "bend.xml", "--out", "made", "--png", "--agent-view", "2").exit_code == 0
-    recorded = simulated.arguments["settings"].record
-    assert (recorded.views, recorded.predictions, recorded.candidates) == (True, True, 30)
-    assert {"run.png", "run.gif", "agent_view.png"} <= {path.name for path in (here / "made").iterdir()}
+    simulated.result = GOOD
+    assert invoke("run", "bend.xml", "--out", "made", "--png", "--gif").exit_code == 0
+    assert {"run.png", "run.gif"} <= {path.name for path in (here / "made").iterdir()}
     again = invoke("run", "bend.xml", "--out", "made", "--overwrite")
     assert again.exit_code == 0
     assert not (here / "made" / "run.png").exists()
@@ -212,13 +210,13 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
         ),
         (["run", "bend.xml", "--set", "seed"], "--set seed: write it as name=value"),
         (["run", "bend.xml", "--seed", "x"], "--seed: expected a whole number, not 'x'"),
-        (["run", "bend.xml", "--agent-view", "x"], "--agent-view: expected a whole number or none, not 'x'"),
+        (["run", "bend.xml", "--threads", "x"], "--threads: expected a whole number or none, not 'x'"),
         (["run", "bend.xml", "--config", "none.toml"], "none.toml: no such file"),
         (["run", "bend.xml", "--config", "bend.xml"], "bend.xml: not a configuration file: "),
         (["run", "bend.xml", "--config", "typo.toml"], "typo.toml: sed: no such entry; did you mean seed?"),
         (
             ["run", "bend.xml", "--config", "other.toml"],
-            "xyzzy: no such entry; there are agent_view, agents, ",
+            "xyzzy: no such entry; there are agents, ",
         ),
         (
             ["run", "bend.xml", "--config", "wrong.toml"],
@@ -473,7 +471,6 @@ def test_a_real_run_with_a_broken_planner_is_saved_and_exits_with_1(real):
         ),
         (["--planner", "frent"], "unknown planner 'frent': did you mean frenet?"),
         (["--predictor", "lane_folowing"], "did you mean lane_following?"),
-        (["--agent-view", "99"], "agent 99: --agent-view asks for a film of it, but it is not an agent"),
     ],
 )
 def test_what_the_simulation_refuses_is_one_line_and_nothing_is_written(real, arguments, message):

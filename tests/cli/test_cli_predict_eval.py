@@ -18,20 +18,14 @@ def run(*arguments):
 def evaluated(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluated") / "found"
     choices = "constant_velocity,lane_following,lane_following,modes_max=1,return_time=2.0"
-    return run("lane_merge", "--predictors", choices, "--every", 20, "--no-figures", "--out", folder), folder
+    return run("lane_merge", "--predictors", choices, "--every", 20, "--out", folder), folder
 
 
 def test_its_tables_fit_into_110_columns(evaluated):
     done, _ = evaluated
     assert done.exit_code == 0, done.stderr
     assert max(len(line) for line in done.stdout.splitlines() if "results in" not in line) <= 110
-    titles = (
-        "most probable mode [m]",
-        "best mode [m]",
-        "negative log-likelihood",
-        "displacement",
-        "milliseconds per call",
-    )
+    titles = ("most probable mode [m]", "best mode [m]", "negative log-likelihood", "displacement")
     assert all(title in done.stdout for title in titles)
     assert all(row in done.stdout for row in ("all samples", "mean of categories", "merge"))
 
@@ -39,7 +33,7 @@ def test_its_tables_fit_into_110_columns(evaluated):
 def test_it_writes_a_row_per_predictor_and_category(evaluated):
     _, folder = evaluated
     assert {entry.name for entry in folder.iterdir()} == {
-        *("measures.parquet", "calibration.parquet", "error_over_time.parquet", "timing.parquet", "evaluation.json")
+        *("measures.parquet", "calibration.parquet", "error_over_time.parquet", "evaluation.json")
     }
     table = pq.read_table(folder / "measures.parquet").to_pandas()
     assert table["predictor"].unique().tolist() == [
@@ -50,7 +44,7 @@ def test_it_writes_a_row_per_predictor_and_category(evaluated):
 
 def test_what_is_there_is_replaced_only_with_overwrite(evaluated, tmp_path):
     folder = tmp_path / "found"
-    options = ("lane_merge", "--predictors", "constant_velocity", "--every", 60, "--no-figures", "--no-timing")
+    options = ("lane_merge", "--predictors", "constant_velocity", "--every", 60)
     assert run(*options, "--out", folder, "--quiet").exit_code == 0
     again = run(*options, "--out", folder)
     assert (again.exit_code, "already exists there" in again.stderr) == (2, True)
@@ -86,7 +80,7 @@ def test_what_cannot_be_used_is_one_line_and_nothing_is_written(arguments, words
 
 
 def test_workers_share_the_files_and_change_nothing(tmp_path):
-    options = ("--predictors", "lane_following", "--every", 40, "--no-figures", "--no-timing", "--samples")
+    options = ("--predictors", "lane_following", "--every", 40, "--samples")
     tables = []
     for workers in (1, 2):
         folder = tmp_path / str(workers)

@@ -136,5 +136,5 @@ def test_batches_and_evaluations_read_raw_if_asked(turned, tmp_path):
         assert done.exit_code == 0, done.output
     table = read_batch(tmp_path / "runs").select(["settings"]).to_pydict()
     assert set(table["settings"]) == {"", "recording.raw=True"}
-    done = invoke("predict-eval", turned, "--raw", "--predictors", "constant_velocity", "--no-figures", "--no-timing")
+    done = invoke("predict-eval", turned, "--raw", "--predictors", "constant_velocity")
     assert done.exit_code == 0, done.output

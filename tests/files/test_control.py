@@ -265,3 +265,8 @@ def test_at_a_t_junction_angles_decide_whatever_is_said_to_be_left_of_what(read)
     assert found == crossing
     # SUMO's traffic in files of 2018b ran by the class of roads: the north waits for both.
     assert goes_first(read(t_junction("2018b"))) == crossing | {(21, 31): 21, (21, 32): 21}
+
+
+def test_the_old_name_of_a_turn_leads_to_the_new_one():
+    with pytest.raises(ImportError, match=r"Way is now called interdrive\.scenario\.Turn"):
+        from interdrive.scenario import Way  # noqa: F401

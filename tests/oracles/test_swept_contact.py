@@ -106,7 +106,8 @@ def recorded_obstacles(
     tables = [np.ascontiguousarray(poses[:, :, k]) for k in range(3)] + [zeros] * 3
     handles, n = [body.handle for body in bodies], len(ids)
     valid = np.ones(poses.shape[:2], dtype=bool)
-    return _core.Scenario(0.1, road, ids, [1] * n, handles, [False] * n, 0, *tables, valid)
+    participants = _core.Participants(ids, handles, [False] * n, 0, *tables[:5], valid, tables[5])
+    return _core.Scenario(0.1, road, participants, [1] * n)
 
 
 def agent(i: int, body: Body, pose: np.ndarray, start: int, route: _core.Route, goal: _core.Goal) -> _core.Agent:

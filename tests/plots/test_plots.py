@@ -10,25 +10,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from invented_run import along, invented_run, with_agent_view
+from invented_run import invented_run
 from PIL import Image
 from work import calls_in
 
 from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots import animate_run, check_animation, draw_run, save_figure
-from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.frames import Stage
 from interdrive.plots.road import road_artists
 from interdrive.plots.style import OUTCOME_MARKS
 from interdrive.plots.vehicles import outlines
 from interdrive.plots.view import View, view_of
-from interdrive.run import OUTCOMES, Views
+from interdrive.run import OUTCOMES
 from interdrive.scenario import Shape
 
 
 @pytest.fixture(scope="module")
 def run():
-    return with_agent_view(invented_run())
+    return invented_run()
 
 
 def without_agents(run):
@@ -202,7 +201,7 @@ def test_fewer_frames_per_second_take_the_same_time(run, tmp_path):
 
 
 def test_a_frame_shows_agents_in_colour_and_recorded_vehicles_in_grey(run):
-    stage = Stage(run, None, follow=False)
+    stage = Stage(run)
     colors = colors_of(stage.frame(30))
     assert (0x00, 0x72, 0xB2) in colors  # agent 1
     assert (0x6F, 0x6F, 0x6F) in colors  # the parked car
@@ -210,46 +209,9 @@ def test_a_frame_shows_agents_in_colour_and_recorded_vehicles_in_grey(run):
 
 
 def test_a_crashed_agent_stays_marked_from_the_moment_of_the_collision(run):
-    stage = Stage(run, None, follow=False)
+    stage = Stage(run)
     wreck = lambda column: (stage.frame(column), len(stage.layers.wrecks.get_paths()))[1]  # noqa: E731
     assert [wreck(46), wreck(47), wreck(59)] == [0, 1, 1]
-
-
-def test_a_chosen_agent_shows_what_it_considered_and_the_camera_follows_it(run):
-    stage = Stage(run, 2, follow=True)
-    stage.frame(10)
-    assert len(stage.layers.candidates.get_segments()) == 120
-    seen = (run.predictions.time_step == 10) & (run.predictions.participant_id != 2)
-    assert len(stage.layers.predictions.get_segments()) == seen.sum()
-    assert len(stage.layers.ellipses.get_paths()) == 6 * seen.sum()
-    before = np.array(stage.view.center)
-    stage.frame(30)
-    moved = np.array(stage.view.center) - before
-    assert moved == pytest.approx(along(5 + 17 * 3.0, 3.5)[0] - along(5 + 17 * 1.0, 0)[0], abs=2.0)
-    stage.frame(59)  # after its end there is nothing to show
-    assert not stage.layers.candidates.get_segments()
-
-
-def test_candidates_stay_until_the_next_ones_are_recorded_and_only_those_in_view_are_predicted(run):
-    half = replace(run.candidates, time_step=run.candidates.time_step // 5 * 5)
-    sighting = Views(np.array([2]), np.array([21]), np.array([0]), np.array([20]))
-    views = AgentViews(replace(run, candidates=half, views=sighting), 2)
-    np.testing.assert_array_equal(views.at(14).candidates, views.at(10).candidates)
-    assert not np.array_equal(views.at(15).cost, views.at(10).cost)
-    assert len(views.at(20).means) == 1
-    assert len(views.at(21).means) == 0
-    assert views.at(48) is None, "it collides at time step 47"
-
-
-def test_an_ellipse_holds_95_percent_of_what_its_covariance_says(run):
-    stage = Stage(run, 2, follow=True)
-    stage.frame(0)
-    chance = np.random.default_rng(0)
-    told = run.predictions
-    row = np.flatnonzero(told.participant_id != 2)[0]
-    samples = chance.multivariate_normal([told.x[row, 0], told.y[row, 0]], told.covariance[row, 0], 4000)
-    ring = stage.layers.ellipses.get_paths()[0]
-    assert ring.contains_points(stage.view.picture_from_world(samples)).mean() == pytest.approx(0.95, abs=0.02)
 
 
 def test_a_film_of_a_run_without_agents_shows_recorded_traffic_that_moves(run, tmp_path):
@@ -272,7 +234,6 @@ def test_a_film_of_a_run_without_agents_shows_recorded_traffic_that_moves(run, t
     [
         ("run.avi", {}, ResultsError, r"films end in .gif or .mp4"),
         ("run.gif", {"fps": 0}, InputError, "fps must be positive"),
-        ("run.gif", {"agent_id": 99}, InputError, "agent 99 is not in the run"),
     ],
 )
 def test_a_film_that_cannot_be_made_is_refused_in_one_line(run, tmp_path, name, arguments, error, message):
@@ -283,7 +244,7 @@ def test_a_film_that_cannot_be_made_is_refused_in_one_line(run, tmp_path, name, 
 
 def test_mp4_holds_every_frame_in_real_time_and_the_end_for_two_seconds(run, tmp_path, ffmpeg):
     animate_run(run, tmp_path / "run.mp4", fps=2)
-    stage = Stage(run, None, follow=False)
+    stage = Stage(run)
     width, height = stage.size
     words = [ffmpeg, "-hide_banner", "-i", tmp_path / "run.mp4", "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
     read = subprocess.run(words, capture_output=True, check=True)
@@ -327,6 +288,6 @@ def test_an_interrupted_film_leaves_nothing_behind(run, tmp_path):
 
 def test_a_film_of_60_frames_is_less_work_than_10_pictures(run, tmp_path):
     picture = calls_in(lambda: save_figure(draw_run(run), tmp_path / "run.png"))
-    film = calls_in(lambda: animate_run(run, tmp_path / "run.gif", agent_id=2))
+    film = calls_in(lambda: animate_run(run, tmp_path / "run.gif"))
     assert Image.open(tmp_path / "run.gif").n_frames == 60
     assert film < 10 * picture

@@ -14,9 +14,7 @@ from interdrive.prediction_evaluation.curves import calibration_table
 from interdrive.prediction_evaluation.folder import save_evaluation
 from interdrive.prediction_evaluation.recordings import Recording, category_of
 from interdrive.prediction_evaluation.samples import _departure
-from interdrive.prediction_evaluation.scenes import example_scenes
 from interdrive.prediction_evaluation.tables import ALL, MEAN, measures_table, samples_table
-from interdrive.prediction_evaluation.timing import VEHICLES, crowd
 from interdrive.testing import Car, straight_road, world
 
 
@@ -70,30 +68,13 @@ def test_every_sample_is_one_vehicle_at_one_judged_step(shipped):
     assert set(one["kind"]) <= {"car", "truck", "bus", "motorcycle", "bicycle"}
 
 
-def test_time_per_call_is_measured_for_every_number_of_vehicles(shipped):
-    assert [(t.predictor, t.vehicles) for t in shipped.timings] == [
-        (name, n) for name in ("constant_velocity", "lane_following") for n in VEHICLES
-    ]
-    assert all(t.milliseconds > 0 for t in shipped.timings)
-
-
-def test_a_crowd_has_as_many_vehicles_as_asked_for_on_roads_of_their_own():
-    many = crowd(60)
-    assert len(np.unique(many.obstacles.ids)) == 60
-    scene = Recording(many, SETTINGS).at(5).scene
-    on_road = scene.road.on_road(np.stack([scene.x[:, -1], scene.y[:, -1]], axis=1))
-    assert on_road.mean() > 0.9
-
-
 def test_the_same_evaluation_gives_the_same_numbers():
-    one, again = (
-        idr.evaluate_predictors("lane_merge", "lane_following", every=20, with_timing=False) for _ in range(2)
-    )
+    one, again = (idr.evaluate_predictors("lane_merge", "lane_following", every=20) for _ in range(2))
     assert measures_table(one).equals(measures_table(again))
 
 
 def test_an_evaluation_can_be_saved_and_is_not_replaced_without_asking(shipped, tmp_path):
-    folder = save_evaluation(shipped, tmp_path / "found", with_samples=True, with_figures=False)
+    folder = save_evaluation(shipped, tmp_path / "found", with_samples=True)
     assert pq.read_table(folder / "measures.parquet").num_rows == 10
     about = json.loads((folder / "evaluation.json").read_text())
     assert about["every"] == 10
@@ -118,7 +99,7 @@ def test_a_file_in_a_folder_that_cannot_be_used_is_a_note_and_one_that_was_named
     (tmp_path / "broken.xml").write_text("<a>")
     (tmp_path / "urban").mkdir()
     (tmp_path / "urban" / "a.xml").write_bytes(Path(idr.shipped_scenario("lane_merge")).read_bytes())
-    found = idr.evaluate_predictors(tmp_path, "constant_velocity", every=50, with_timing=False)
+    found = idr.evaluate_predictors(tmp_path, "constant_velocity", every=50)
     assert [path.name for path in found.files] == ["a.xml"]
     assert "broken.xml" in found.notes[0]
     assert set(found.samples.category) == {"urban"}
@@ -127,34 +108,17 @@ def test_a_file_in_a_folder_that_cannot_be_used_is_a_note_and_one_that_was_named
 
 
 def test_a_predictor_need_not_be_in_a_list():
-    found = idr.evaluate_predictors("lane_merge", idr.LaneFollowing(modes_max=1), every=100, with_timing=False)
+    found = idr.evaluate_predictors("lane_merge", idr.LaneFollowing(modes_max=1), every=100)
     assert found.predictors == ("lane_following",)
     with pytest.raises(idr.InputError, match="None is not a predictor"):
         idr.evaluate_predictors("lane_merge", None)
 
 
 def test_all_are_the_native_predictors_and_walenet_without_the_one_for_studies():
-    found = idr.evaluate_predictors("lane_merge", every=100, with_timing=False)
+    found = idr.evaluate_predictors("lane_merge", every=100)
     left_out = {note.split(maxsplit=1)[0] for note in found.notes if "is left out" in note}
     assert {*found.predictors, *left_out} == {*idr.predictors.NATIVE, "walenet"} - {"ground_truth"}
     assert found.predictors[:2] == ("constant_velocity", "lane_following")
-
-
-def test_figures_and_a_scene_per_category_are_drawn_as_pdf_and_png(tmp_path):
-    found = idr.evaluate_predictors(["lane_merge", "t_junction"], "all", every=40, with_timing=False)
-    folder = save_evaluation(found, tmp_path / "found")
-    names = ("error_over_time", "calibration", "scene_junction", "scene_merge")
-    wanted = {f"{name}.{ending}" for name in names for ending in ("pdf", "png")}
-    assert {entry.name for entry in folder.iterdir() if entry.suffix != ".parquet"} == wanted | {"evaluation.json"}
-
-
-def test_a_scene_shows_the_moment_at_which_most_vehicles_leave_a_straight_drive():
-    found = idr.evaluate_predictors("t_junction", "lane_following", every=10, with_timing=False)
-    (scene,) = example_scenes(found)
-    telling = (found.samples.departure > 2.0) & (found.samples.departure < 20.0)
-    counts = np.bincount(found.samples.time_step[telling])
-    assert scene.moment.scene.time_step == counts.argmax()
-    assert len(scene.row) == counts.max()
 
 
 def test_the_departure_of_a_vehicle_that_keeps_its_velocity_is_zero():

@@ -25,9 +25,7 @@ category = "urban"
 def test_a_split_says_which_files_are_judged_and_their_category(tmp_path):
     (tmp_path / "split.toml").write_text(SPLIT)
     files = ["lane_merge", "t_junction", "highway", "intersection"]
-    found = idr.evaluate_predictors(
-        files, "constant_velocity", every=50, split=tmp_path / "split.toml", with_timing=False
-    )
+    found = idr.evaluate_predictors(files, "constant_velocity", every=50, split=tmp_path / "split.toml")
     assert [path.stem for path in found.files] == ["lane_merge"]
     assert set(found.samples.category) == {"highway"}
     assert "1 files; 2 of other parts, 1 without a place" in found.notes[0]
@@ -72,7 +70,7 @@ def test_recorded_and_simulated_traffic_are_told_apart(tmp_path):
         main,
         [
             *("predict-eval", "highway", "t_junction", "lane_merge", "--predictors", "constant_velocity"),
-            *("--split", str(tmp_path / "split.toml"), "--every", "20", "--no-timing", "--no-figures", "--samples"),
+            *("--split", str(tmp_path / "split.toml"), "--every", "20", "--samples"),
             *("--out", str(tmp_path / "found")),
         ],
     )
@@ -96,6 +94,6 @@ def test_recorded_and_simulated_traffic_are_told_apart(tmp_path):
 
 
 def test_without_a_split_nothing_is_said_about_the_traffic():
-    found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=50, with_timing=False)
+    found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=50)
     assert np.all(found.samples.traffic == "unknown")
     assert {row["traffic"] for row in measures_table(found).to_pylist()} == {ANY}

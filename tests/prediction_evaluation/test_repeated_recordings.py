@@ -71,7 +71,7 @@ def test_a_drive_in_two_files_is_counted_once_and_the_note_says_so(tmp_path):
 
     def evaluated(*names):
         files = [tmp_path / f"{name}.xml" for name in names]
-        return idr.evaluate_predictors(files, "constant_velocity", every=10, with_timing=False)
+        return idr.evaluate_predictors(files, "constant_velocity", every=10)
 
     alone, both = evaluated("b"), evaluated("a", "b")
     assert len(both.samples) == len(alone.samples)
@@ -84,5 +84,5 @@ def test_a_drive_in_two_files_is_counted_once_and_the_note_says_so(tmp_path):
 def test_a_file_that_shows_nothing_new_is_not_among_the_files(tmp_path):
     for name in ("a", "b"):
         (tmp_path / f"{name}.xml").write_bytes(idr.shipped_scenario("lane_merge").read_bytes())
-    found = idr.evaluate_predictors(tmp_path, "constant_velocity", every=10, with_timing=False)
+    found = idr.evaluate_predictors(tmp_path, "constant_velocity", every=10)
     assert [path.name for path in found.files] == ["a.xml"]

@@ -15,7 +15,7 @@ from interdrive.criticality import IMPACT_AREAS, MEASURES
 from interdrive.run import ORDERS, PLAN_STATUS, SERVICES, VIA
 from interdrive.run.assemble import OUTCOME_NAMES
 from interdrive.scenario import KINDS, SIGNALS
-from interdrive.scenario.control import WAYS
+from interdrive.scenario.control import TURNS
 from interdrive.scenario.inspection import AREA_KINDS, PRECEDENCE
 
 ROOT = Path(__file__).parents[2]
@@ -97,7 +97,7 @@ def test_codes_mean_the_same_on_both_sides_of_the_boundary():
         "service": SERVICES,
         "via": VIA,
         "signal": SIGNALS,
-        "way": WAYS,
+        "turn": TURNS,
         "area_kind": tuple({"crossing": "cross"}.get(kind, kind) for kind in AREA_KINDS),
         "precedence": tuple(REASONS_IN_THE_CORE[text] for text in PRECEDENCE),
         "order": ORDERS,

@@ -15,7 +15,7 @@ import interdrive as idr
 from interdrive.batches import COLUMNS as DATA_SET
 from interdrive.comparison import DIFFERENCE_COLUMNS, TABLE_COLUMNS
 from interdrive.criticality.tables import COLUMNS as CRITICALITY
-from interdrive.prediction_evaluation.tables import MEASURE_COLUMNS, SAMPLE_COLUMNS, TIMING_COLUMNS
+from interdrive.prediction_evaluation.tables import MEASURE_COLUMNS, SAMPLE_COLUMNS
 from interdrive.results import COLUMNS
 from interdrive.run import Outcomes
 from interdrive.scoring import SCORE_COLUMNS
@@ -46,7 +46,6 @@ EVERY = {
     "differences": DIFFERENCE_COLUMNS,
     "measures": MEASURE_COLUMNS,
     "samples": SAMPLE_COLUMNS,
-    "calls": TIMING_COLUMNS,
     "cooperation": COOPERATION,
     "steps": STEP_COLUMNS,
 }

@@ -19,7 +19,7 @@ from interdrive.batches import read_batch
 pytestmark = pytest.mark.long
 
 RUN, CASE = ("lane_merge", "--agents", "2"), ("lane_merge", "--agent", "1001", "--other", "1002")
-EVALUATION = ("lane_merge", "--every", "30", "--predictors", "constant_velocity", "--no-timing")
+EVALUATION = ("lane_merge", "--every", "30", "--predictors", "constant_velocity")
 BATCH = ("t_junction", "lane_merge", "--planner", "idm", "--agents", "1", "--workers", "1")
 
 

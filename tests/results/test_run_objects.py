@@ -50,7 +50,7 @@ def test_a_notebook_shows_the_outcomes_of_a_run_and_escapes_them(run):
 
 
 def test_a_notebook_shows_the_measures_of_an_evaluation():
-    found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=100, with_timing=False)
+    found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=100)
     assert found._repr_html_().startswith("<p>&lt;PredictionEvaluation of constant_velocity on 1 files&gt;</p><table>")
     row = next(row for row in found.table.to_pylist() if row["category"] == "all samples")
     assert f"<td>{row['fde_3']:.4g}</td>" in found._repr_html_()

@@ -43,8 +43,8 @@ def made(tmp_path_factory):
         invoke("criticality", "lane_merge", "--quiet", "--out", "recorded")
         invoke("batch", "t_junction", "--agents", "1", *SHORT, "--workers", "1", "--keep", "all", "--out", "batch")
         invoke("compare", "batch", "--samples", "100", "--quiet")
-        invoke("predict-eval", "t_junction", "--every", "40", "--predictors", "constant_velocity", "--no-timing",
-               "--no-figures", "--samples", "--workers", "1", "--quiet", "--out", "predicted")  # fmt: skip
+        invoke("predict-eval", "t_junction", "--every", "40", "--predictors", "constant_velocity",
+               "--samples", "--workers", "1", "--quiet", "--out", "predicted")  # fmt: skip
         invoke("study", "lane_merge", "--agent", "1001", "--other", "1002", *SHORT, "--out", "study")
     return folder
 

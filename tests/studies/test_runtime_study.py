@@ -106,11 +106,10 @@ def test_shipped_scenarios_stand_in_for_recorded_ones(monkeypatch, tmp_path):
     assert len(notes) == 3
 
 
-def test_the_folder_has_tables_and_figures(study, tmp_path):
+def test_the_folder_has_tables(study, tmp_path):
     folder = runtime.save_runtime(study, tmp_path / "study")
-    figures = {f"{name}.{ending}" for name in ("growth", "runtime") for ending in ("pdf", "png")}
     tables = {"runtime.json", "steps.parquet", "summary.csv", "summary.parquet"}
-    assert {path.name for path in folder.iterdir()} == figures | tables
+    assert {path.name for path in folder.iterdir()} == tables
     assert pq.read_table(folder / "steps.parquet").num_rows == 24
     told = json.loads((folder / "runtime.json").read_text())
     assert told["growth"]["2"]["agents"] == [2, 5]

@@ -15,8 +15,6 @@ from interdrive.run import (
     AgentRecord,
     Outcomes,
     Plans,
-    RecordedCandidates,
-    RecordedPredictions,
     States,
     Timings,
 )
@@ -196,52 +194,6 @@ def plans(recorded, points=31):
         **{name: np.where(status == 2, 3.5, np.nan) for name in ("rejection_x", "rejection_y")},
         rejection_overhang=np.full(len(status), np.nan),
     )
-
-
-def with_agent_view(run, n_candidates=120):
-    """The run with candidates of agent 2 and predictions of all participants, at every time step of the agent."""
-    chance, recorded = np.random.default_rng(1), run.states
-    row = int(np.flatnonzero(recorded.participant_id == 2)[0])
-    considered, predicted = [], []
-    for step in np.flatnonzero(recorded.valid[row]).tolist():
-        ahead = np.linspace(0.0, 3.0, 7)
-        d = chance.uniform(-4, 4, (n_candidates, 1)) * (ahead / 3.0) ** 2
-        s = recorded.velocity[row, step] * chance.uniform(0.2, 1.2, (n_candidates, 1)) * ahead
-        heading = recorded.orientation[row, step]
-        cost = np.abs(d[:, -1]) + 0.1 * np.abs(s[:, -1] - 40.0) + 1.0
-        x = recorded.x[row, step] + s * np.cos(heading) - d * np.sin(heading)
-        y = recorded.y[row, step] + s * np.sin(heading) + d * np.cos(heading)
-        for i in range(n_candidates):
-            rejection = "curvature" if abs(d[i, -1]) > 2.5 else ""
-            known = np.nan if i % 10 == 9 else cost[i]
-            considered.append((step, 2, known, rejection, i == np.argmin(cost), x[i], y[i]))
-        for other in np.flatnonzero(recorded.valid[:, step]).tolist():
-            way, heading = recorded.velocity[other, step] * ahead[1:], recorded.orientation[other, step]
-            x_mean, y_mean = (
-                recorded.x[other, step] + way * np.cos(heading),
-                recorded.y[other, step] + way * np.sin(heading),
-            )
-            covariance = (0.2 + 0.5 * ahead[1:, None, None]) ** 2 * np.diag([1.0, 0.3])
-            predicted.append((step, recorded.participant_id[other], 0, 1.0, x_mean, y_mean, covariance))
-    step, agent, cost, rejection, chosen, x, y = zip(*considered, strict=True)
-    kept = RecordedCandidates(
-        time_step=np.array(step),
-        agent_id=np.array(agent),
-        cost=np.array(cost),
-        rejection=rejection,
-        chosen=np.array(chosen),
-        point=np.arange(7) * 5,
-        x=np.array(x),
-        y=np.array(y),
-    )
-    names = ("time_step", "participant_id", "mode", "probability", "x", "y", "covariance")
-    told = RecordedPredictions(
-        point=np.arange(1, 7) * 5,
-        sender_id=np.full(len(predicted), -1),
-        age=np.full(len(predicted), np.nan),
-        **{name: np.array(column) for name, column in zip(names, zip(*predicted, strict=True), strict=True)},
-    )
-    return replace(run, candidates=kept, predictions=told)
 
 
 def invented_run(**changes):

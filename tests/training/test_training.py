@@ -129,9 +129,7 @@ def test_the_log_is_that_of_the_shipped_weights(data_list):
 
 @pytest.mark.recorded
 def test_at_places_that_it_was_not_trained_at_neural_is_nearer_than_lane_following(scenarios_folder):
-    found = evaluate_predictors(
-        scenarios_folder, ["lane_following", "neural"], every=20, split=split.SPLIT, with_timing=False
-    )
+    found = evaluate_predictors(scenarios_folder, ["lane_following", "neural"], every=20, split=split.SPLIT)
     rows = {
         row["predictor"]: row
         for row in measures_table(found).to_pylist()

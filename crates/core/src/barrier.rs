@@ -77,7 +77,7 @@ pub struct Barrier {
 }
 
 impl Barrier {
-    /// Until the agent is told otherwise, because of nobody.
+    /// Until the agent is told otherwise, because of no participant.
     pub fn lasting(s: f64, reason: BarrierReason) -> Self {
         Self { s, until: f64::INFINITY, reason, by: None }
     }

@@ -4,17 +4,63 @@
 /// An agent that is slower than this stands [m/s]: it is told so by its own speed. Ten seconds of it are 1 m.
 pub const STANDSTILL_SPEED: f64 = 0.1;
 
-/// Another participant that is slower than this is stationary for those who see it [m/s]: its speed is observed, and its
+/// Another participant that is slower than this is stationary for its observers [m/s]: its speed is observed, and its
 /// heading says nothing about where it goes.
 pub const STATIONARY_SPEED: f64 = 0.5;
 
-/// A vehicle that is slower than this holds up those behind it [m/s].
+/// A vehicle that is slower than this holds up the vehicles behind it [m/s].
 pub const CRAWLING_SPEED: f64 = 1.0;
 
-/// A vehicle that is slower than this stood, for who judges a run from its states [m/s]: twice the speed at which agents
-/// stand by their own measure, so that nobody is judged for a stop that it has made.
+/// A vehicle that is slower than this stood, when a run is judged by its states [m/s]: twice the speed at which agents
+/// stand by their own measure, so that no agent is judged for a stop that it has made.
 pub const JUDGED_STANDSTILL_SPEED: f64 = 0.2;
 
-/// Comfortable braking [m/s²]: with more than this nobody has to stop for a light that changes, and nobody is expected to
+/// Comfortable braking [m/s²]: with more than this no vehicle has to stop for a light that changes, and none is expected to
 /// brake to give way. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation Engineers).
 pub const COMFORTABLE_DECELERATION: f64 = 3.0;
+
+/// Acceleration of the earliest entry into a conflict zone that a vehicle is capable of in traffic [m/s²].
+pub(crate) const EARLY_ACCELERATION: f64 = 2.0;
+
+/// Acceleration of a late exit out of a conflict zone [m/s²].
+pub(crate) const LATE_ACCELERATION: f64 = 1.5;
+
+/// A vehicle that stands needs so long to start [s], below this speed [m/s].
+const REACTION: f64 = 0.3;
+const REACTING: f64 = 0.5;
+
+/// Time for a distance [m] from a speed [m/s], with an acceleration [m/s²] up to a largest speed [m/s].
+pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, acceleration: f64) -> f64 {
+    if distance <= 0.0 {
+        return 0.0;
+    }
+    let reaction = if velocity < REACTING { REACTION } else { 0.0 };
+    if velocity >= largest {
+        return reaction + distance / velocity;
+    }
+    let ramp = 0.5 * (largest * largest - velocity * velocity) / acceleration;
+    if distance <= ramp {
+        return reaction + ((velocity * velocity + 2.0 * acceleration * distance).sqrt() - velocity) / acceleration;
+    }
+    reaction + (largest - velocity) / acceleration + (distance - ramp) / largest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::travel_time;
+
+    #[test]
+    fn the_time_for_a_distance_follows_from_speed_and_acceleration() {
+        for (distance, velocity, largest, acceleration, expected) in [
+            (20.0, 10.0, 10.0, 2.0, 2.0),
+            (27.8, 10.0, 10.0, 1.2, 2.78),
+            (-1.0, 0.0, 10.0, 2.0, 0.0),
+            // 0.3 s to react, sqrt(2 · 8.4 / 1.2)
+            (8.4, 0.0, 7.0, 1.2, 0.3 + 3.741_657_386_773_941),
+            // 4 to 8 m/s in 2 s over 12 m, then 8 m more.
+            (20.0, 4.0, 8.0, 2.0, 3.0),
+        ] {
+            assert!((travel_time(distance, velocity, largest, acceleration) - expected).abs() < 1e-9);
+        }
+    }
+}

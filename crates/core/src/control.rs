@@ -133,7 +133,7 @@ pub struct Priorities {
     pub minor: BTreeSet<usize>,
     /// Vehicles drive on the left.
     pub left_hand: bool,
-    /// Without any sign, who comes from the right (1), from the left (-1), or neither (0) goes first.
+    /// Without any sign, vehicles from the right (1), from the left (-1) or from neither side (0) go first.
     pub priority_side: i8,
     /// At a T without signs the road that goes on is the main road.
     pub derives_main_road: bool,

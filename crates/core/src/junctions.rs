@@ -8,7 +8,6 @@ mod tests;
 use crate::control::Control;
 use crate::geometry::shape::PlacedShape;
 use crate::road::RoadNetwork;
-use precedence::Approach;
 
 /// How two lanelets meet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,13 +124,7 @@ impl Junctions {
         }
         let n_junctions = number(&mut areas, &of_lanelet);
         let mut found = Self { areas, of_lanelet, n_junctions };
-        let approaches: Vec<[Approach; 2]> =
-            found.areas.iter().map(|area| area.sides.map(|side| Approach::of(&found, road, control, side))).collect();
-        let arrivals = precedence::arrivals(&found, &approaches);
-        for (area, both) in found.areas.iter_mut().zip(&approaches) {
-            area.is_side_by_side = area.kind == AreaKind::Merge && precedence::come_from_the_same_side(both);
-            (area.first, area.reason) = precedence::decide(area, both, &arrivals[area.junction], (road, control));
-        }
+        precedence::decide_all(&mut found, road, control);
         found
     }
 

@@ -22,6 +22,7 @@ pub mod criticality;
 pub mod scene;
 pub mod barrier;
 pub mod rules;
+pub mod right_of_way;
 pub mod network;
 pub mod predict;
 pub mod v2x;

@@ -101,6 +101,21 @@ table! {
     }
 }
 
+table! {
+    /// An agent that obeys orders enters a conflict zone: it cannot stop before it any more.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+    pub struct Entry {
+        /// The agent.
+        pub agent as "agent_id": i64,
+        /// Number of the area.
+        pub area: i64,
+        /// Since then.
+        pub time_step: i64,
+        /// It had been told to go, or had not been told to wait.
+        pub granted: bool,
+    }
+}
+
 /// States of all participants and plans of all agents, step by step.
 #[derive(Debug, Clone)]
 pub struct Recording {
@@ -117,6 +132,7 @@ pub struct Recording {
     /// Visibility intervals (first and last time step) by the ids of observer and seen participant.
     sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
     waits: BTreeMap<i64, Vec<Wait>>,
+    entries: Vec<Entry>,
 }
 
 table! {
@@ -138,8 +154,8 @@ impl Recording {
     /// Nothing recorded yet.
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
         let (columns, plans, sightings) = (VecDeque::new(), Vec::new(), BTreeMap::new());
-        let (spare, waits) = (Vec::new(), BTreeMap::new());
-        Self { ids, first_time_step, columns, spare, columns_max: usize::MAX, plans, sightings, waits }
+        let (spare, waits, entries) = (Vec::new(), BTreeMap::new(), Vec::new());
+        Self { ids, first_time_step, columns, spare, columns_max: usize::MAX, plans, sightings, waits, entries }
     }
 
     /// Becomes an empty recording of at most `columns_max` columns; memory is reused.
@@ -151,6 +167,7 @@ impl Recording {
         self.plans.clear();
         self.sightings.clear();
         self.waits.clear();
+        self.entries.clear();
     }
 
     /// Adds the states of the next time step, one per participant.
@@ -203,6 +220,16 @@ impl Recording {
     /// Waits before junctions and crosswalks, sorted by agent and first time step.
     pub fn waits(&self) -> impl Iterator<Item = &Wait> {
         self.waits.values().flatten()
+    }
+
+    /// Notes that an agent enters conflict zones.
+    pub(crate) fn push_entries(&mut self, entries: impl IntoIterator<Item = Entry>) {
+        self.entries.extend(entries);
+    }
+
+    /// When agents that obey orders entered conflict zones.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
     }
 
     /// Visibility intervals, sorted by observer, seen and time; empty unless requested.

@@ -1,32 +1,16 @@
-//! Rules of the road that an agent obeys: speed limits, traffic lights, stop signs, crosswalks and right of way. They
-//! follow from the map, the lights as they are now, and the motion of those that an agent sees; what it remembers (of a
-//! stop sign, a light, a crosswalk, its order at a junction) is part of the world.
+//! Rules of the road along the path of an agent: speed limits, traffic lights, stop signs, crosswalks, blinkers. They follow
+//! from the map and the lights as they are now; what an agent remembers (of a stop sign, a light, a crosswalk) is part of the
+//! world. Who goes first at junctions: `right_of_way`.
 
-mod arbitration;
 mod blinkers;
-mod circles;
-mod requests;
-mod components;
-mod course;
 mod crosswalks;
-mod gaps;
 mod line_memory;
-mod meeting;
-mod narrow;
-mod room;
-mod unseen;
-mod windows;
 
-pub use arbitration::COMMITTED;
-pub(crate) use arbitration::{STICKY_LAG, STICKY_LEAD};
+pub(crate) use crate::conduct::{EARLY_ACCELERATION, travel_time};
 pub use blinkers::Turning;
-pub(crate) use course::reach;
-pub use course::{Course, DESIGN_WIDTH, MEETING_MARGIN, REACH, REACH_TIME, SPEED_MAX};
 pub use crosswalks::{Crosswalk, Person};
 pub use line_memory::LineMemory;
 use line_memory::is_near;
-pub use meeting::{Body, Meeting, Memory, Order, OrderKind, Place, Reservation, Traveller, Unseen, Yielding};
-pub(crate) use windows::{EARLY_ACCELERATION, LATE_ACCELERATION, travel_time};
 
 use crate::conduct::COMFORTABLE_DECELERATION;
 use std::sync::LazyLock;
@@ -403,7 +387,5 @@ impl Rules<'_> {
     }
 }
 
-#[cfg(test)]
-mod rail_tests;
 #[cfg(test)]
 mod tests;

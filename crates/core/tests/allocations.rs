@@ -84,7 +84,7 @@ fn per_phase(agents: usize, threads: usize) -> [usize; 5] {
 const LIMITS: [(&str, [usize; 2], f64); 5] = [
     ("observe", [22, 23], 0.1),
     // All but 24 for the orders at junctions, which are found once for every set of bodies that agents see there.
-    ("predict", [429, 431], 9.0),
+    ("predict", [402, 402], 8.0),
     ("predict, neural,", [19, 21], 0.1),
     ("plan", [36, 43], 1.2),
     ("step", [7, 8], 0.2),

@@ -11,13 +11,13 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::Point;
 use interdrive_core::trajectory::State;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
-use crate::scenario::{PyRoadNetwork, PyShape, read_states};
+use crate::scenario::{PyParticipants, PyRoadNetwork};
 use crate::settings::read;
 
 type Floats<'py> = PyReadonlyArray1<'py, f64>;
@@ -150,24 +150,12 @@ pub fn overlapping_lanelets(py: Python<'_>, road: &PyRoadNetwork, erosion: f64, 
 
 /// All measures of some participants: a dict of arrays.
 #[pyfunction]
-#[pyo3(signature = (
-    dt, road, ids, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, valid, *,
-    judged, deceleration, connectors, contacts, threads, settings
-))]
+#[pyo3(signature = (dt, road, participants, *, judged, deceleration, connectors, contacts, threads, settings))]
 pub fn evaluate_criticality<'py>(
     py: Python<'py>,
     dt: f64,
     road: &PyRoadNetwork,
-    ids: Vec<i64>,
-    shapes: Vec<PyRef<'_, PyShape>>,
-    is_static: Vec<bool>,
-    first_time_step: i64,
-    x: PyReadonlyArray2<'_, f64>,
-    y: PyReadonlyArrayDyn<'_, f64>,
-    orientation: PyReadonlyArrayDyn<'_, f64>,
-    velocity: PyReadonlyArrayDyn<'_, f64>,
-    acceleration: PyReadonlyArrayDyn<'_, f64>,
-    valid: PyReadonlyArrayDyn<'_, bool>,
+    participants: &PyParticipants,
     judged: Vec<i64>,
     deceleration: Vec<f64>,
     connectors: Option<Vec<(i64, i64)>>,
@@ -175,8 +163,6 @@ pub fn evaluate_criticality<'py>(
     threads: usize,
     settings: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let fields = [&y, &orientation, &velocity, &acceleration];
-    let states = read_states(ids, first_time_step, &x, fields, None, &valid)?;
     let connector = |(id, incoming): (i64, i64)| {
         let lanelet = road.0.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id })?;
         Ok(Connector { lanelet, incoming })
@@ -189,10 +175,10 @@ pub fn evaluate_criticality<'py>(
     };
     let settings = read(settings)?;
     let request = Request { ids: judged, deceleration, settings, conflict_areas, contacts, threads };
-    let shapes = shapes.iter().map(|shape| shape.0.clone()).collect();
+    let PyParticipants { states, shapes, is_static } = participants;
     let road = Arc::clone(&road.0);
     let found = detached(py, || {
-        let traffic = Traffic::new(dt, road, states, shapes, is_static)?;
+        let traffic = Traffic::new(dt, road, states.clone(), shapes.clone(), is_static.clone())?;
         evaluate(&traffic, &request)
     })?;
     as_dict(py, found)

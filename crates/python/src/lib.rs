@@ -29,6 +29,7 @@ use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::junctions::{AreaKind, Reason};
 use interdrive_core::plan::external_plan::PLAN_POINTS_MAX;
 use interdrive_core::recording::OutcomeKind;
+use interdrive_core::right_of_way;
 use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
 use interdrive_core::v2x::{Service, Via};
@@ -46,10 +47,10 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     codes.set_item("service", Service::ALL.map(|service| format!("{service:?}")))?;
     codes.set_item("via", Via::ALL.map(|via| format!("{via:?}")))?;
     codes.set_item("signal", Signal::ALL.map(|signal| format!("{signal:?}")))?;
-    codes.set_item("way", Turn::ALL.map(|turn| format!("{turn:?}")))?;
+    codes.set_item("turn", Turn::ALL.map(|turn| format!("{turn:?}")))?;
     codes.set_item("area_kind", AreaKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("precedence", Reason::ALL.map(|reason| format!("{reason:?}")))?;
-    codes.set_item("order", rules::OrderKind::ALL.map(|kind| format!("{kind:?}")))?;
+    codes.set_item("order", right_of_way::OrderKind::ALL.map(|kind| format!("{kind:?}")))?;
     codes.set_item("measure", Measure::ALL.map(|(_, name)| name))?;
     Ok(codes)
 }
@@ -63,11 +64,9 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("STANDSTILL_SPEED", conduct::STANDSTILL_SPEED)?;
     module.add("JUDGED_STANDSTILL_SPEED", conduct::JUDGED_STANDSTILL_SPEED)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
-    module.add("COMMITTED", rules::COMMITTED)?;
-    module.add("DESIGN_WIDTH", rules::DESIGN_WIDTH)?;
-    module.add("MEETING_MARGIN", rules::MEETING_MARGIN)?;
-    module.add("REACH", rules::REACH)?;
-    module.add("REACH_TIME", rules::REACH_TIME)?;
+    module.add("DESIGN_WIDTH", right_of_way::DESIGN_WIDTH)?;
+    module.add("REACH", right_of_way::REACH)?;
+    module.add("REACH_TIME", right_of_way::REACH_TIME)?;
     criticality::register(module)?;
     worlds::register(module)?;
     neural::register(module)?;
@@ -79,6 +78,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(observation::observation_blocks, module)?)?;
     module.add_class::<scenario::PyShape>()?;
     module.add_class::<scenario::PyRoadNetwork>()?;
+    module.add_class::<scenario::PyParticipants>()?;
     module.add_class::<scenario::PyScenario>()?;
     module.add_class::<route::PyGoal>()?;
     module.add_class::<vehicle::PyVehicle>()?;

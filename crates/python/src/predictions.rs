@@ -207,7 +207,7 @@ impl PyPredictions {
             let (a, b) = (&told.extras[*a], &told.extras[*b]);
             (a.id, a.sender).cmp(&(b.id, b.sender)).then(a.age.total_cmp(&b.age))
         });
-        // Who sees the sender expects it a little elsewhere than who does not.
+        // An agent that sees the sender expects it a little elsewhere than an agent that does not.
         order.dedup_by_key(|i| (told.extras[*i].id, told.extras[*i].sender, told.extras[*i].age.to_bits()));
         let senders = order.iter().map(|i| told.extras[*i].sender).collect();
         let ages = order.iter().map(|i| told.extras[*i].age).collect();

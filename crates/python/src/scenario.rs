@@ -7,6 +7,7 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::junctions::Area;
+use interdrive_core::right_of_way::meeting_width;
 use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork, Users};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
@@ -276,35 +277,54 @@ getters! { PyRoadNetwork {
     };
 } }
 
-/// States from arrays of shape (participants, time_steps): x; y, orientation, velocity, acceleration; yaw rate; presence.
-pub fn read_states(
-    ids: Vec<i64>,
-    first_time_step: i64,
-    x: &PyReadonlyArray2<'_, f64>,
-    [y, orientation, velocity, acceleration]: [&PyReadonlyArrayDyn<'_, f64>; 4],
-    yaw_rate: Option<&PyReadonlyArrayDyn<'_, f64>>,
-    valid: &PyReadonlyArrayDyn<'_, bool>,
-) -> PyResult<States> {
-    let (rows, n_steps) = x.as_array().dim();
-    if rows != ids.len() {
-        return Err(InputError::new_err(format!("x: {rows} rows given for {} participant ids", ids.len())));
+/// Participants with their footprints, and their states at all time steps.
+#[pyclass(frozen, name = "Participants", module = "interdrive._core")]
+pub struct PyParticipants {
+    pub states: States,
+    pub shapes: Vec<Shape>,
+    pub is_static: Vec<bool>,
+}
+
+#[pymethods]
+impl PyParticipants {
+    /// From arrays of shape (participants, time_steps); without yaw rates these are nan.
+    #[new]
+    #[pyo3(signature = (ids, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, valid, yaw_rate=None))]
+    fn new(
+        ids: Vec<i64>,
+        shapes: Vec<PyRef<'_, PyShape>>,
+        is_static: Vec<bool>,
+        first_time_step: i64,
+        x: PyReadonlyArray2<'_, f64>,
+        y: PyReadonlyArrayDyn<'_, f64>,
+        orientation: PyReadonlyArrayDyn<'_, f64>,
+        velocity: PyReadonlyArrayDyn<'_, f64>,
+        acceleration: PyReadonlyArrayDyn<'_, f64>,
+        valid: PyReadonlyArrayDyn<'_, bool>,
+        yaw_rate: Option<PyReadonlyArrayDyn<'_, f64>>,
+    ) -> PyResult<Self> {
+        let (rows, n_steps) = x.as_array().dim();
+        if rows != ids.len() {
+            return Err(InputError::new_err(format!("x: {rows} rows given for {} participant ids", ids.len())));
+        }
+        let shape = [rows, n_steps];
+        let states = States {
+            ids,
+            first_time_step,
+            n_steps,
+            x: x.as_array().iter().copied().collect(),
+            y: arrays::read_grid("y", &y, &shape)?,
+            orientation: arrays::read_grid("orientation", &orientation, &shape)?,
+            velocity: arrays::read_grid("velocity", &velocity, &shape)?,
+            acceleration: arrays::read_grid("acceleration", &acceleration, &shape)?,
+            yaw_rate: yaw_rate.map_or_else(
+                || Ok(vec![f64::NAN; rows * n_steps]),
+                |values| arrays::read_grid("yaw_rate", &values, &shape),
+            )?,
+            valid: arrays::read_grid("valid", &valid, &shape)?,
+        };
+        Ok(Self { states, shapes: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static })
     }
-    let shape = [rows, n_steps];
-    Ok(States {
-        ids,
-        first_time_step,
-        n_steps,
-        x: x.as_array().iter().copied().collect(),
-        y: arrays::read_grid("y", y, &shape)?,
-        orientation: arrays::read_grid("orientation", orientation, &shape)?,
-        velocity: arrays::read_grid("velocity", velocity, &shape)?,
-        acceleration: arrays::read_grid("acceleration", acceleration, &shape)?,
-        yaw_rate: yaw_rate.map_or_else(
-            || Ok(vec![f64::NAN; rows * n_steps]),
-            |values| arrays::read_grid("yaw_rate", values, &shape),
-        )?,
-        valid: arrays::read_grid("valid", valid, &shape)?,
-    })
 }
 
 /// Id, time step at which the cycle begins, and length in time steps and code of the signal of each phase.
@@ -368,25 +388,14 @@ pub struct PyScenario(pub Arc<Scenario>);
 impl PyScenario {
     #[new]
     #[pyo3(signature = (
-        dt, road, ids, kinds, shapes, is_static, first_time_step, x, y, orientation, velocity, acceleration, yaw_rate, valid,
-        lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![]), crosswalks=vec![],
-        overlaps=vec![], derived=vec![]
+        dt, road, participants, kinds, lights=vec![], lines=vec![], priorities=None, closed=(vec![], vec![]),
+        crosswalks=vec![], overlaps=vec![], derived=vec![]
     ))]
     fn new(
         dt: f64,
         road: &PyRoadNetwork,
-        ids: Vec<i64>,
+        participants: &PyParticipants,
         kinds: Vec<i64>,
-        shapes: Vec<PyRef<'_, PyShape>>,
-        is_static: Vec<bool>,
-        first_time_step: i64,
-        x: PyReadonlyArray2<'_, f64>,
-        y: PyReadonlyArrayDyn<'_, f64>,
-        orientation: PyReadonlyArrayDyn<'_, f64>,
-        velocity: PyReadonlyArrayDyn<'_, f64>,
-        acceleration: PyReadonlyArrayDyn<'_, f64>,
-        yaw_rate: PyReadonlyArrayDyn<'_, f64>,
-        valid: PyReadonlyArrayDyn<'_, bool>,
         lights: Vec<LightParts>,
         lines: Vec<LineParts>,
         priorities: Option<PriorityParts>,
@@ -395,11 +404,9 @@ impl PyScenario {
         overlaps: Vec<(i64, i64)>,
         derived: Vec<[bool; 2]>,
     ) -> PyResult<Self> {
-        let fields = [&y, &orientation, &velocity, &acceleration];
-        let states = read_states(ids, first_time_step, &x, fields, Some(&yaw_rate), &valid)?;
         let kind = kinds.into_iter().map(ParticipantKind::from_code).collect::<Result<_, _>>().map_err(exception)?;
-        let obstacles =
-            Obstacles { kind, shape: shapes.iter().map(|shape| shape.0.clone()).collect(), is_static, states };
+        let PyParticipants { states, shapes, is_static } = participants;
+        let obstacles = Obstacles { kind, shape: shapes.clone(), is_static: is_static.clone(), states: states.clone() };
         let mut scenario = Scenario::new(dt, Arc::clone(&road.0), obstacles).map_err(exception)?;
         scenario.control = control(lights, lines, &road.0)?;
         if let Some(parts) = priorities {
@@ -414,7 +421,7 @@ impl PyScenario {
 
     /// All areas that two ways share, one row each, as a dict of arrays: `junction`, `kind` (code), `lanelet`, `entry`
     /// and `exit` of both sides, shape (areas, 2) [m], `first` (side, -1: the first to arrive), `reason` (code), `x`, `y` [m],
-    /// `width` that two vehicles have beside each other (infinite unless opposed) [m], `side_by_side` (lanes that merge).
+    /// `meeting_width` of vehicles that can meet a car there (-inf unless opposed) [m], `side_by_side` (lanes that merge).
     fn junctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (road, areas) = (&self.0.road, &self.0.junctions().areas);
         let dict = PyDict::new(py);
@@ -431,7 +438,7 @@ impl PyScenario {
         let centers: Vec<Point> = areas.iter().map(|area| area.hull.center()).collect();
         dict.set_item("x", arrays::row(py, centers.iter().map(|center| center.x).collect()))?;
         dict.set_item("y", arrays::row(py, centers.iter().map(|center| center.y).collect()))?;
-        dict.set_item("width", arrays::row(py, areas.iter().map(|area| area.width).collect()))?;
+        dict.set_item("meeting_width", arrays::row(py, areas.iter().map(meeting_width).collect()))?;
         dict.set_item("side_by_side", arrays::row(py, areas.iter().map(|area| area.is_side_by_side).collect()))?;
         Ok(dict)
     }

@@ -10,13 +10,13 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::polyline::Polyline;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::RoadNetwork;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{self, Row};
 use crate::errors::{InputError, detached, exception};
-use crate::scenario::{PyRoadNetwork, PyShape, read_states};
+use crate::scenario::{PyParticipants, PyRoadNetwork, PyShape};
 use crate::vehicle::PyVehicle;
 
 /// A path is followed from one position to the next within this distance [m].
@@ -39,28 +39,17 @@ impl PyTraffic {
         py: Python<'_>,
         dt: f64,
         road: &PyRoadNetwork,
+        participants: &PyParticipants,
         crossing: Vec<i64>,
-        ids: Vec<i64>,
-        shapes: Vec<PyRef<'_, PyShape>>,
-        is_static: Vec<bool>,
-        first_time_step: i64,
-        x: PyReadonlyArray2<'_, f64>,
-        y: PyReadonlyArrayDyn<'_, f64>,
-        orientation: PyReadonlyArrayDyn<'_, f64>,
-        velocity: PyReadonlyArrayDyn<'_, f64>,
-        acceleration: PyReadonlyArrayDyn<'_, f64>,
-        valid: PyReadonlyArrayDyn<'_, bool>,
     ) -> PyResult<Self> {
-        let fields = [&y, &orientation, &velocity, &acceleration];
-        let states = read_states(ids, first_time_step, &x, fields, None, &valid)?;
-        let shapes = shapes.iter().map(|shape| shape.0.clone()).collect();
+        let PyParticipants { states, shapes, is_static } = participants;
         let network = Arc::clone(&road.0);
         let mut crosses = vec![false; network.lanelets().len()];
         for id in crossing {
             let lanelet = network.index_of(id).ok_or(Error::UnknownId { what: "lanelet", id }).map_err(exception)?;
             crosses[lanelet] = true;
         }
-        let traffic = detached(py, || Traffic::new(dt, network, states, shapes, is_static))?;
+        let traffic = detached(py, || Traffic::new(dt, network, states.clone(), shapes.clone(), is_static.clone()))?;
         Ok(Self { traffic, road: Arc::clone(&road.0), crossing: crosses })
     }
 

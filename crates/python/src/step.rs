@@ -1,4 +1,4 @@
-//! A step that has begun, as a handle for those who predict and plan in Python.
+//! A step that has begun, as a handle for predictors and planners in Python.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -101,7 +101,7 @@ getters! { PyStep {
         let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
         this.step.plans.ids.iter().zip(&this.step.plans.status).filter_map(none).collect()
     };
-    /// Seconds that each phase so far took, in the order of `interdrive.run.PHASES`.
+    /// Seconds that each phase has taken, in the order of `interdrive.run.PHASES`.
     seconds: Vec<f64> = |this| {
         let mut phases: Vec<Duration> = this.marks.windows(2).map(|ends| ends[1] - ends[0]).collect();
         if let Some(collision) = this.collision {

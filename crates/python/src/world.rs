@@ -7,7 +7,7 @@ use std::time::Duration;
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
-use interdrive_core::recording::{Outcome, Sighting, Wait};
+use interdrive_core::recording::{Entry, Outcome, Sighting, Wait};
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
@@ -283,6 +283,12 @@ impl PyWorld {
     /// Waits before junctions as a dict of arrays; `kind` is a code of `interdrive.run.ORDERS`, `by_id` -1 for none.
     fn waits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         arrays::table(py, Wait::columns(&self.0.recording().waits().collect::<Vec<_>>()))
+    }
+
+    /// When agents that obey orders entered areas of junctions, as a dict of arrays; `granted`: not although they were told to
+    /// wait.
+    fn entries<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        arrays::table(py, Entry::columns(&self.0.recording().entries().iter().collect::<Vec<_>>()))
     }
 
     /// All plans as a dict of arrays, one row per time step and agent.

@@ -11,8 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColum
 from rich.table import Table
 from rich.text import Text
 
-from interdrive.cli.report import NOTES_MAX, STYLES, errors, output, print_notes, print_table
+from interdrive.cli.report import NOTES_MAX, STYLES, errors, output, print_folder, print_notes, print_table, table_of
 from interdrive.run import OUTCOMES
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -93,9 +94,7 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
         if row["status"] != "finished":
             lost[row["key"]] = (row["scenario"], row["planner"], row["status"], row["error"])
     outcomes = [outcome for outcome in OUTCOMES if any(count[outcome] for count in ended.values())]
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in shown:
-        table.add_column(name)
+    table = table_of(shown)
     for name in ("runs", "refused", "failed", "agents", *outcomes):
         table.add_column(name.replace("_", " "), justify="right", style=STYLES.get(name, ""))
     for variant, of_run in runs.items():
@@ -113,8 +112,8 @@ def print_batch(done: BatchSummary, rows: ArrowTable, folder: Path) -> None:
     print_notes(console, done.notes, "BatchSummary.notes")
     fresh = len(done.keys) - done.found
     there = f", {done.found} already existed" if done.found else ""
-    console.print(f"{fresh} run{'s' * (fresh != 1)} in {done.seconds:.1f} s{there}")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    console.print(f"{said_count(fresh, 'run')} in {done.seconds:.1f} s{there}")
+    print_folder(console, folder)
 
 
 def _each(rows: ArrowTable) -> Iterator[dict[str, Any]]:
@@ -135,7 +134,7 @@ def _print_unfinished(console: Console, lost: list[tuple[str, ...]]) -> None:
 def print_answer(answer: Answer) -> None:
     """Prints a table of values; where it is wider than the console, row by row."""
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
+    table = table_of(())
     rows = [[_cell(value) for value in row] for row in answer.rows[:_ANSWER_ROWS_MAX]]
     for k, name in enumerate(answer.columns):
         is_number = any(isinstance(row[k], int | float) and not isinstance(row[k], bool) for row in answer.rows)
@@ -186,9 +185,7 @@ def print_comparison(found: Comparison, folder: Path) -> None:
 
 
 def _table_of(sheet: Sheet) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    for i, name in enumerate(sheet.head):
-        table.add_column(escape(name), justify="left" if i < sheet.texts else "right")
+    table = table_of(sheet.head, right=sheet.head[sheet.texts :], tight=True)
     for row in sheet.rows:
         table.add_row(*(f"[bold]{escape(cell.text)}[/]" if cell.strong else escape(cell.text) for cell in row))
     return table

@@ -19,24 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class RunChoices:
-    """Options of `run` besides settings; they have the same names in a configuration file.
-
-    Attributes:
-        scenario: Path of a CommonRoad file, or name of a shipped scenario.
-        agents: "all", "reachable", "problems", a number, or ids.
-        planner: Name of the planner of all agents without a choice of their own, optionally with settings.
-        predictor: Name of the predictor, optionally with settings.
-        v2x: Share of the agents that cooperate by V2X; None: as the settings say.
-        seed: Seed for the choice of agents and for the random numbers of cooperation.
-        threads: Threads that plan; None: all cores.
-        out: Run folder; None: a new one under out/.
-        overwrite: Replace the run in that folder.
-        png: Draw the trajectories.
-        gif: Make a film.
-        mp4: Make a film with ffmpeg.
-        report: Write the interactive report, and record what it shows.
-        agent_view: Agent that the film follows.
-    """
+    """Options of `run` besides settings, with their names in a configuration file; its help describes them."""
 
     scenario: str = ""
     agents: int | tuple[int, ...] | str = "all"
@@ -51,29 +34,11 @@ class RunChoices:
     gif: bool = False
     mp4: bool = False
     report: bool = False
-    agent_view: int | None = None
 
 
 @dataclass(frozen=True)
 class BatchChoices:
-    """Options of `batch` besides settings; they have the same names in a configuration file.
-
-    Attributes:
-        paths: CommonRoad files, folders of them, names of shipped scenarios.
-        planner: Planners under test, optionally with settings.
-        predictor: Predictors, optionally with settings.
-        agents: Vehicles under test: "all", "reachable" or a number.
-        traffic: Behaviour of vehicles not under test; None: replay, if there are any.
-        alone: Every agent under test gets a separate run.
-        seeds: Number of seeds.
-        out: Folder of the batch.
-        workers: Processes; None: all cores.
-        run_timeout: Time limit of a run [s].
-        memory: Memory limit of a process; None: no limit.
-        keep: Which run folders are kept.
-        retry: Repeat runs that did not finish.
-        ray: Address of a Ray cluster; None: processes on this machine.
-    """
+    """Options of `batch` besides settings, with their names in a configuration file; its help describes them."""
 
     paths: tuple[str, ...] = ()
     planner: tuple[str, ...] = ("frenet",)

@@ -33,8 +33,6 @@ from interdrive.errors import InputError
 @click.option("--overwrite", is_flag=True, help="Replace the evaluation in that folder.")
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes that share the files (all cores).")
 @click.option("--samples", is_flag=True, help="Also write every sample: samples.parquet.")
-@click.option("--no-figures", is_flag=True, help="Draw nothing.")
-@click.option("--no-timing", is_flag=True, help="Do not measure the time per call.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def predict_eval(
     files: tuple[str, ...],
@@ -48,17 +46,15 @@ def predict_eval(
     overwrite: bool,
     workers: int | None,
     samples: bool,
-    no_figures: bool,
-    no_timing: bool,
     quiet: bool,
 ) -> int:
     """Compare predictions with the recorded future of vehicles.
 
     FILE is a CommonRoad file or the name of a shipped scenario; a FOLDER stands for all files in it. Recordings are
-    replayed, no vehicle plans. The results are position errors, likelihood, calibration, standing vehicles, points off
-    the road and time per call, by category (the name of a file's folder: highway, intersection, urban, junction ...)
-    and overall, as tables, Parquet files and figures. With --split there are also results for recorded, simulated and
-    invented traffic. A recording found in several files counts once.
+    replayed, no vehicle plans. The results are position errors, likelihood, calibration, standing vehicles and points
+    off the road, by category (the name of a file's folder: highway, intersection, urban, junction ...) and overall, as
+    tables and Parquet files. With --split there are also results for recorded, simulated and invented traffic. A
+    recording found in several files counts once.
     """
     if not files:
         raise InputError("predict-eval: no recordings; give files, folders or names of shipped scenarios")
@@ -84,14 +80,11 @@ def predict_eval(
             settings=settings,
             split=split,
             part=part,
-            with_timing=not no_timing,
             workers=workers or os.cpu_count() or 1,
             on_step=report.counted,
         )
         report.say("writing")
-        save_evaluation(
-            found, folder, overwrite=overwrite, with_samples=samples, with_figures=not no_figures, on_figure=report.say
-        )
+        save_evaluation(found, folder, overwrite=overwrite, with_samples=samples)
     if not quiet:
         print_prediction_evaluation(found, shown(folder))
     return 0

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
-from rich.table import Table
 
-from interdrive.cli.report import output, print_notes, print_table
+from interdrive.cli.report import output, print_folder, print_notes, print_table, table_of
 from interdrive.prediction_evaluation.split import TRAFFIC
 from interdrive.prediction_evaluation.tables import ALL, ANY, MEAN, measures_table
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> None:
-    """Prints tables of at most 110 columns: distances, likelihood, calibration, standing vehicles, road and time."""
+    """Prints tables of at most 110 columns: distances, likelihood, calibration, standing vehicles and road."""
     console = output()
     table = measures_table(found).to_pylist()
     order = list(dict.fromkeys(row["category"] for row in table))
@@ -58,11 +58,10 @@ def print_prediction_evaluation(found: PredictionEvaluation, folder: Path) -> No
         },
     )
     _print_by_traffic(console, [row for row in table if row["traffic"] != ANY])
-    _print_timings(console, found)
-    counts = f"{len(found.samples)} samples from {len(found.files)} file{'s' * (len(found.files) != 1)}"
+    counts = f"{len(found.samples)} samples from {said_count(len(found.files), 'file')}"
     console.print(f"{counts}, every {found.settings['every']} time steps")
     print_notes(console, found.notes, "evaluation.json")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def _print_measures(
@@ -73,13 +72,8 @@ def _print_measures(
     count: str = "",
 ) -> None:
     """Prints a row per category and predictor; `columns` maps headings to the name of a measure and its format."""
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title=escape(title), title_justify="left"
-    )
-    table.add_column("category")
-    table.add_column("predictor")
-    for heading in (*(["samples"] if count else []), *columns):
-        table.add_column(heading, justify="right")
+    numbers = (*(["samples"] if count else []), *columns)
+    table = table_of(("category", "predictor", *numbers), right=numbers, tight=True, title=title)
     before = None
     for row in rows:
         is_first, before = row["category"] != before, row["category"]
@@ -110,20 +104,3 @@ def _print_by_traffic(console: Console, rows: Sequence[Mapping[str, Any]]) -> No
             part = [row for row in part if row["category"] != ALL]
         title = f"{traffic} traffic: FDE of the most probable and, at 3 s, the best mode [m]; at 3 s nll, regions"
         _print_measures(console, part, title, columns)
-
-
-def _print_timings(console: Console, found: PredictionEvaluation) -> None:
-    if not found.timings:
-        return
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, title="milliseconds per call, by vehicles", title_justify="left"
-    )
-    table.add_column("predictor")
-    numbers = sorted({timing.vehicles for timing in found.timings})
-    for number in numbers:
-        table.add_column(str(number), justify="right")
-    for name in found.predictors:
-        by_number = {t.vehicles: t.milliseconds for t in found.timings if t.predictor == name}
-        table.add_row(escape(name), *(f"{by_number[number]:.3g}" for number in numbers))
-    print_table(console, table, 1)
-    console.print()

@@ -75,6 +75,23 @@ def output() -> Console:
     return console
 
 
+def table_of(headings: Sequence[str], right: Sequence[str] = (), *, tight: bool = False, title: str = "") -> Table:
+    """A table without lines.
+
+    Args:
+        headings: Of its columns.
+        right: Headings of the columns that are flush right.
+        tight: One space between columns instead of two.
+        title: Above it.
+    """
+    padding = (0, 1, 0, 0) if tight else (0, 1)
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=padding)
+    table.title, table.title_justify = escape(title) or None, "left"
+    for heading in headings:
+        table.add_column(escape(heading), justify="right" if heading in right else "left")
+    return table
+
+
 #: Words of headings that are longer go on in the next line, such as names of planners.
 _HEADING_WORD = 16
 
@@ -200,23 +217,31 @@ def print_run(run: Run, folder: Path) -> None:
         console.print(f"{hidden} more in outcomes.parquet", style="dim")
     counts = Counter(ended.outcome)
     parts = [f"[{STYLES.get(name, '')}]{counts[name]} {name}[/]" for name in (*OUTCOMES, "running") if counts[name]]
-    agents = f"{len(ended.agent_id)} agent{'s' * (len(ended.agent_id) != 1)}"
+    agents = said_count(len(ended.agent_id), "agent")
     console.print(f"{escape(run.scenario.name)}, {agents}: " + ", ".join(parts))
     print_notes(console, run.notes, "run.json")
     console.print(_speed(run))
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
     ended = run.outcomes
-    table = Table(box=None, header_style="bold", pad_edge=False)
     harms = agent_harm(run).harm
-    right = ("agent", "time [s]", "impact [m/s]", "harm", "off lanelets [m]")
-    for name in ("agent", "outcome", "time [s]", "with", "impact [m/s]", "harm", "off lanelets [m]", "reason"):
-        table.add_column(escape(name), justify="right" if name in right else "left")
     several = len(set(ended.planner)) > 1
-    if several:
-        table.add_column("planner")
+    table = table_of(
+        (
+            "agent",
+            "outcome",
+            "time [s]",
+            "with",
+            "impact [m/s]",
+            "harm",
+            "off lanelets [m]",
+            "reason",
+            *["planner"] * several,
+        ),
+        right=("agent", "time [s]", "impact [m/s]", "harm", "off lanelets [m]"),
+    )
     for row in rows:
         partner = (
             "road edge" if ended.off_road[row] else str(ended.partner_id[row]) if ended.partner_id[row] >= 0 else ""
@@ -244,9 +269,10 @@ def print_page(path: Path, size: int) -> None:
 def print_criticality(found: Criticality, name: str, folder: Path) -> None:
     """Prints the most critical moment of every measure, notes, and the path of the tables."""
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("measure", "", "most critical", "vehicle", "with", "time [s]", "path or conflict area"):
-        table.add_column(escape(column), justify="right" if column in ("most critical", "time [s]") else "left")
+    table = table_of(
+        ("measure", "", "most critical", "vehicle", "with", "time [s]", "path or conflict area"),
+        right=("most critical", "time [s]"),
+    )
     quiet = []
     for measure in MEASURES:
         moment = found.most_critical(measure.name)
@@ -256,22 +282,21 @@ def print_criticality(found: Criticality, name: str, folder: Path) -> None:
         partner = str(moment.partner_id) if moment.partner_id >= 0 else ""
         value, time = measure.text(moment.value, 3), said_seconds(moment.time_step, found.dt)
         table.add_row(measure.name, measure.title, value, str(moment.participant_id), partner, time, moment.path)
-    vehicles = f"{len(found.participant_id)} vehicle{'s' * (len(found.participant_id) != 1)} judged"
     if table.row_count:
         print_table(console, table, 1)
     if quiet and len(found.participant_id):
         console.print(f"no conflict in {', '.join(quiet)}", style="dim")
-    console.print(f"{escape(name)}, {vehicles} at {int(found.present.any(axis=0).sum())} time steps")
+    vehicles = said_count(len(found.participant_id), "vehicle")
+    console.print(f"{escape(name)}, {vehicles} judged at {int(found.present.any(axis=0).sum())} time steps")
     print_notes(console, found.notes, "Criticality.notes")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def print_pairs(pairs: Sequence[tuple[str, float, CriticalMoment]]) -> None:
     """Prints the most critical moments of pairs: scenario, its time between steps [s], and the moment."""
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for column in ("scenario", "vehicle", "with", "time [s]", "measure", "value", "path or conflict area"):
-        table.add_column(escape(column), justify="right" if column in ("time [s]", "value") else "left")
+    headings = ("scenario", "vehicle", "with", "time [s]", "measure", "value", "path or conflict area")
+    table = table_of(headings, right=("time [s]", "value"))
     for name, dt, moment in pairs:
         value = measure_named(moment.measure).text(moment.value, 3)
         ids, time = (str(moment.participant_id), str(moment.partner_id)), said_seconds(moment.time_step, dt)
@@ -288,6 +313,11 @@ def print_notes(console: Console, notes: Sequence[str], where: str) -> None:
         console.print(f"note: {escape(note)}", style="dim", soft_wrap=True)
     if len(notes) > NOTES_MAX:
         console.print(f"{said_count(len(notes) - NOTES_MAX, 'more note')} in {where}", style="dim")
+
+
+def print_folder(console: Console, folder: Path) -> None:
+    """Prints where the results are."""
+    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
 
 
 def _speed(run: Run) -> str:
@@ -340,13 +370,11 @@ def print_inspection(found: Inspection, junctions: Sequence[Junction], refusals:
         (found.n_stop_signs, "stop sign"),
         (found.n_crosswalks, "crosswalk"),
     )
-    controls = [f"{n} {what}{'s' * (n != 1)}" for n, what in counts if n]
-    turns = found.n_turns_on_red
-    controls += [f"{turns} right turn{'s' * (turns != 1)} on red"] if turns else []
+    controls = [said_count(n, what) for n, what in counts if n]
+    if found.n_turns_on_red:
+        controls.append(f"{said_count(found.n_turns_on_red, 'right turn')} on red")
     if found.n_priority_signs:
-        controls.append(
-            f"signs of priority at the end of {found.n_priority_signs} lanelet{'s' * (found.n_priority_signs != 1)}"
-        )
+        controls.append(f"signs of priority at the end of {said_count(found.n_priority_signs, 'lanelet')}")
     table.add_row("control", ", ".join(controls) or "none")
     for number, junction in enumerate(junctions[:_JUNCTIONS_MAX], start=1):
         parts = [f"{n} {name}" for counts in (junction.kinds, junction.reasons) for name, n in counts]
@@ -381,9 +409,7 @@ def _print_reasons(console: Console, refusals: Mapping[int, str]) -> None:
         groups.setdefault(reason, []).append(str(number))
     if not groups:
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("cannot be agents")
-    table.add_column("because")
+    table = table_of(("cannot be agents", "because"))
     for reason, numbers in groups.items():
         table.add_row(", ".join(numbers), escape(reason))
     print_table(console, table, 1)
@@ -396,10 +422,7 @@ def print_text(text: str) -> None:
 
 def print_plugins(found: Sequence[Listed]) -> None:
     """Prints name, source and a one-line description of each plug-in."""
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("name")
-    table.add_column("from")
-    table.add_column("description")
+    table = table_of(("name", "from", "description"))
     for item in found:
         table.add_row(escape(item.name), escape(item.source), escape(item.text), style="" if item.is_usable else "dim")
     print_table(output(), table, 1)
@@ -407,19 +430,12 @@ def print_plugins(found: Sequence[Listed]) -> None:
 
 def print_settings(rows: Sequence[tuple[str, Any, str, str]]) -> None:
     """Prints name, default, unit and meaning of settings."""
-    console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    table.add_column("setting")
-    table.add_column("default")
-    has_units = any(unit for _, _, unit, _ in rows)
-    if has_units:
-        table.add_column("unit")
-    table.add_column("meaning")
+    table = table_of(("setting", "default", "unit", "meaning"))
     for name, value, unit, text in rows:
         plain = f"{value:.6g}" if isinstance(value, float) else str(value)
         plain = plain.lower() if value is None or isinstance(value, bool) else plain
-        table.add_row(name, escape(plain), *([escape(unit)] if has_units else []), escape(text))
-    print_table(console, table, 1)
+        table.add_row(name, escape(plain), escape(unit), escape(text))
+    print_table(output(), table, 1)
 
 
 def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path) -> None:
@@ -428,20 +444,13 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
 
     console = output()
     for study in studies:
-        title = f"{study.scenario.name}: agent {study.agent} ({study.planner}), other vehicle {study.other}"
-        table = Table(
-            box=None,
-            header_style="bold",
-            pad_edge=False,
-            padding=(0, 1, 0, 0),
-            title=escape(title),
-            title_justify="left",
+        headings = [measure.heading for measure in MEASURES]
+        table = table_of(
+            ("other vehicle", *headings, "collided", f"agent {study.agent}", f"vehicle {study.other}"),
+            right=headings,
+            tight=True,
+            title=f"{study.scenario.name}: agent {study.agent} ({study.planner}), other vehicle {study.other}",
         )
-        table.add_column("other vehicle")
-        for measure in MEASURES:
-            table.add_column(escape(measure.heading), justify="right")
-        for name in ("collided", f"agent {study.agent}", f"vehicle {study.other}"):
-            table.add_column(name)
         for row in study_table([study]).to_pylist():
             values = [row[measure.column.name] for measure in MEASURES]
             table.add_row(
@@ -457,7 +466,7 @@ def print_study(studies: Sequence[CaseStudy], notes: Sequence[str], folder: Path
         console.print(escape(reading(study)), style="dim")
         console.print()
     print_notes(console, notes, "")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def print_cooperation(study: CooperationStudy, folder: Path) -> None:
@@ -465,15 +474,14 @@ def print_cooperation(study: CooperationStudy, folder: Path) -> None:
     from interdrive.studies.cooperation import summary_table  # noqa: PLC0415
 
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    for name in ("variant", "in time", "change", "time lost [s]", "collisions", "deadlocks"):
-        table.add_column(name, justify="left" if name == "variant" else "right")
+    numbers = ("in time", "change", "time lost [s]", "collisions", "deadlocks")
+    table = table_of(("variant", *numbers), right=numbers, tight=True)
     for row in summary_table(study).to_pylist():
-        numbers = (f"{100 * row['reached']:.1f} %", f"{100 * row['reached_change']:+.1f}", f"{row['time_lost']:+.2f}")
-        table.add_row(row["variant"], *numbers, f"{row['collisions']:g}", f"{row['deadlocks']:g}")
+        reached = (f"{100 * row['reached']:.1f} %", f"{100 * row['reached_change']:+.1f}", f"{row['time_lost']:+.2f}")
+        table.add_row(row["variant"], *reached, f"{row['collisions']:g}", f"{row['deadlocks']:g}")
     print_table(console, table, 1)
     print_notes(console, study.notes, "cooperation.json")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)
 
 
 def print_runtime(study: RuntimeStudy, folder: Path) -> None:
@@ -482,10 +490,9 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     from interdrive.studies.runtime.summary import QUIET, STEP_PARTS  # noqa: PLC0415
 
     console, several = output(), study.threads
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0), title_justify="left")
-    table.title = f"milliseconds per step, median (quartiles); parts with {several} threads"
-    for name in ("scenario", "agents", "1 thread", f"{several} threads", "ratio", *STEP_PARTS, "Python"):
-        table.add_column(name, justify="left" if name == "scenario" else "right")
+    numbers = ("agents", "1 thread", f"{several} threads", "ratio", *STEP_PARTS, "Python")
+    title = f"milliseconds per step, median (quartiles); parts with {several} threads"
+    table = table_of(("scenario", *numbers), right=numbers, tight=True, title=title)
     before = ""
     for row in step_rows(study):
         table.add_row(escape(row[0]) if row[0] != before else "", *row[1:])
@@ -501,4 +508,4 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     if study.machine["load"] > QUIET * study.machine["cores"]:
         notes = (f"the machine was busy (load {study.machine['load']:.1f} before): all times are too long", *notes)
     print_notes(console, notes, "runtime.json")
-    console.print(f"results in {escape(str(folder))}", soft_wrap=True)
+    print_folder(console, folder)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import traceback
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,11 +72,6 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option("--gif", is_flag=True, default=None, help="Make a film: run.gif.")
 @click.option("--mp4", is_flag=True, default=None, help="Make a film: run.mp4 (needs ffmpeg).")
 @click.option(
-    "--agent-view",
-    metavar="ID",
-    help="Make a film that follows this agent, with its candidates and predictions; with --png also agent_view.png.",
-)
-@click.option(
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
 @click.option(
@@ -108,8 +102,6 @@ def run(
     )
     if not choices.scenario:
         raise InputError("run: no scenario; give a CommonRoad file or the name of a shipped scenario")
-    if choices.agent_view is not None and not choices.mp4:
-        choices = replace(choices, gif=True)
 
     from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
     from interdrive.config.binding import flatten  # noqa: PLC0415
@@ -142,8 +134,6 @@ def run(
             threads=choices.threads,
             on_planner_error="raise" if raises else "end_agent",
         )
-        if choices.agent_view not in {None, *(agent.id for agent in simulation.agents)}:
-            raise InputError(f"agent {choices.agent_view}: --agent-view asks for a film of it, but it is not an agent")
         try:
             done = simulation.run(report.step)
         except RunInterrupted as stop:
@@ -191,7 +181,7 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
-    settings = bind(SimulationSettings(), _RECORDED if choices.report or choices.agent_view is not None else {})
+    settings = bind(SimulationSettings(), _RECORDED if choices.report else {})
     try:
         settings = bind(settings, values)
     except InputError as error:
@@ -210,15 +200,13 @@ def _planners(planner: str, own: dict[int, Choice]) -> PlannersSpec:
 def _draw(done: Run, folder: Path, choices: RunChoices, on_frame: Callable[[str], Callable[[int, int], None]]) -> None:
     if not (choices.png or choices.gif or choices.mp4):
         return
-    from interdrive.plots import animate_run, draw_agent_view, draw_run, save_figure  # noqa: PLC0415
+    from interdrive.plots import animate_run, draw_run, save_figure  # noqa: PLC0415
 
     if choices.png:
         save_figure(draw_run(done), folder / "run.png")
-        if choices.agent_view is not None and (done.candidates or done.predictions):
-            draw_agent_view(done, folder / "agent_view.png", choices.agent_view)
     for wanted, name in ((choices.gif, "run.gif"), (choices.mp4, "run.mp4")):
         if wanted:
-            animate_run(done, folder / name, choices.agent_view, on_frame=on_frame(name))
+            animate_run(done, folder / name, on_frame=on_frame(name))
 
 
 @contextmanager

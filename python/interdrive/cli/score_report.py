@@ -7,11 +7,11 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
-from rich.table import Table
 
-from interdrive.cli.report import output, print_table
+from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import print_csv
 from interdrive.comparison.scores import ZEROS
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,10 +40,8 @@ _TERMS = {
 def print_scores(found: Score, name: str) -> None:
     """Prints the scores of a run, each with its terms and why it is not 100."""
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("agent", "score", *_TERMS.values()):
-        table.add_column(heading, justify="right")
-    table.add_column("why")
+    numbers = ("agent", "score", *_TERMS.values())
+    table = table_of((*numbers, "why"), right=numbers)
     for row, number in enumerate(found.ids.tolist()):
         value = found.score[row]
         cells = [_number(found.terms[term][row], 2) for term in _TERMS]
@@ -55,8 +53,7 @@ def print_scores(found: Score, name: str) -> None:
     mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
     zeros = int((found.score == 0.0).sum())
     console.print(
-        f"{escape(name)}, {len(found.ids)} agent{'s' * (len(found.ids) != 1)}{mean}, {zeros} at 0, "
-        f"{int(found.fault.sum())} at fault"
+        f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {zeros} at 0, {int(found.fault.sum())} at fault"
     )
     for note in found.notes:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
@@ -72,17 +69,15 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
         print_csv(list(rows[0]) if rows else [], [list(row.values()) for row in rows])
         return
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False)
     several = len({(one.traffic, one.agents) for one in found}) > 1
-    for heading in ("planner", *(("traffic", "agents") if several else ())):
-        table.add_column(heading)
-    for heading in ("score", "95 %", "strict", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"):
-        table.add_column(heading, justify="right")
     # What planners cannot drive has no row: then every planner stands on its own agents, and on those of all.
     lacking, differ = any(one.n_left_out for one in found), any(one.n_common != one.n_agents for one in found)
-    for heading in ("left out", "score of common", "common"):
-        table.add_column(heading, justify="right")
-    table.add_column("zeros")
+    texts = ("planner", *(("traffic", "agents under test") if several else ()))
+    numbers = [
+        *("score", "95 %", "strict", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"),
+        *("left out", "score of common", "common"),
+    ]
+    table = table_of((*texts, *numbers, "zeros"), right=numbers)
     for one in found:
         about = (escape(one.variant), *((one.traffic, one.agents) if several else ()))
         span = "" if math.isnan(one.low) else f"{one.low:.1f} to {one.high:.1f}"
@@ -111,18 +106,14 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
 def print_benchmark(found: Benchmark) -> None:
     """Prints the number of each planner with its table, rows of known planners, and what is missing."""
     console = output()
-    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("planner")
-    table.add_column("category")
-    headings = ("R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "plan ms", "scen.", "agents")
-    for heading in headings:
-        table.add_column(heading, justify="right")
+    numbers = [
+        *("R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "plan ms", "scen.", "agents"),
+        *("left out", "common", "R of common", "NR of common"),
+    ]
+    table = table_of(("planner", "category", *numbers, "zeros"), right=numbers, tight=True)
     # What planners cannot drive has no row: then every planner stands on its own agents, and on those of all.
     every = (*found.table, *(row for row in found.reference if row.category == "all"))
-    for heading in ("left out", "common", "R of common", "NR of common"):
-        table.add_column(heading, justify="right")
     lacking, differ = any(row.n_left_out for row in every), any(row.n_common != row.n_agents for row in found.table)
-    table.add_column("zeros")
     for row in every:
         is_reference = row in found.reference
         span = "" if math.isnan(row.low) else f"{row.low:.1f} to {row.high:.1f}"
@@ -155,7 +146,7 @@ def print_benchmark(found: Benchmark) -> None:
         for line in found.missing[:_MISSING_MAX]:
             console.print(f"- {escape(line)}", soft_wrap=True)
     console.print(f"again: {escape(found.command)}", soft_wrap=True)
-    console.print(f"results in {escape(str(found.folder))}", soft_wrap=True)
+    print_folder(console, found.folder)
 
 
 def print_set(found: BenchmarkSet) -> None:

@@ -246,7 +246,6 @@ def _runtime(
             on_run=report.counted,
             notes=notes,
         )
-        report.say("drawing")
         save_runtime(done, folder, overwrite=target.overwrite)
     if not quiet:
         print_runtime(done, shown(folder))

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 #: Line breaks and tabs stay as they are; every other control character is shown.
 _LEFT = "\n\t"
 
-#: Marks that change the direction of writing, separators that some terminals take for line breaks, and characters that
-#: nobody sees.
+#: Marks that change the direction of writing, separators that some terminals take for line breaks, and invisible
+#: characters.
 _DECEIVING = (
     *(0x00AD, 0x061C, 0x180E, 0xFEFF),
     *(*range(0x200B, 0x2010), *range(0x2028, 0x202F), *range(0x2060, 0x2070), *range(0xFFF9, 0xFFFC)),
@@ -48,7 +48,7 @@ def say(text: str, *, err: bool = False) -> None:
 
 
 def print_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Prints a table as CSV on stdout; who reads it may pass it on to a terminal."""
+    """Prints a table as CSV on stdout; its reader may pass it on to a terminal."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -31,12 +31,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats, Ints
     from interdrive.comparison.metrics import Metric
     from interdrive.comparison.variants import ComparedSet
     from interdrive.storage import ArrowTable
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Numbers that are held at once for the medians of samples.
 _CELLS_MAX = 10_000_000

@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from interdrive.array_types import Floats
 
 #: Why a score is 0, in the order in which it is looked for.
 ZEROS = ("lost", "planner_error", "infeasible", *FAULT_KINDS, "off_road", "direction", "progress")

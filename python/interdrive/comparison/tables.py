@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _ABOUT = (("runs", "runs"), ("lost", "runs_lost"), ("agents", "n_agents"), ("left out", "n_left_out"))
 
 
-#: Other outcomes without agents, and rules that nobody broke, need no column.
+#: Other outcomes without agents, and rules that no agent broke, need no column.
 _ALWAYS = ("goal_reached", "collisions")
 
 

@@ -141,7 +141,7 @@ def _why(error: BaseException) -> str:
 def versions(name: str, what: str) -> dict[str, str]:
     """Versions of the distributions that a planner or predictor consists of, by name, without interdrive itself.
 
-    For an entry point these are the distribution that offers it and those of its extra, for `module:object` those that
+    For an entry point these are the distribution that offers it and the ones of its extra, for `module:object` all that
     contain the module. Native plug-ins and modules in a plain folder have none.
 
     Args:

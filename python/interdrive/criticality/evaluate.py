@@ -16,16 +16,14 @@ from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
 from interdrive.recordings import overlapping_at_first
 from interdrive.scenario import Scenario
-from interdrive.scenario.native import core_road, core_shape, storeys, thread_count
-from interdrive.storage import Origin, as_pandas, as_polars, changed_settings
+from interdrive.scenario.native import core_road, storeys, thread_count
+from interdrive.storage import Origin, Tabled, changed_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import pandas as pd
-    import polars as pl
-
-    from interdrive.criticality.source import Bools, Floats, Ints, Traffic
+    from interdrive.array_types import Bools, Floats, Ints
+    from interdrive.criticality.source import Traffic
     from interdrive.files import ScenarioSpec
     from interdrive.storage import ArrowTable
 
@@ -88,7 +86,7 @@ class CriticalMoment:
 
 
 @dataclass(frozen=True)
-class Criticality:
+class Criticality(Tabled):
     """All measures of some participants.
 
     Attributes:
@@ -98,8 +96,8 @@ class Criticality:
         present: Whether each was there, shape (judged, time_steps).
         series: By name of the measure (`MEASURES`).
         in_the_way: By name of the measure, what pairs are ranked by: as `series`, but for headway, time headway, time
-            to collision along lanes, and the accelerations and threat numbers that follow from them, only those count
-            who are in the way of the judged participant: they stand on the path that it then drives, or drive along
+            to collision along lanes, and the accelerations and threat numbers that follow from them, only participants
+            in the way of the judged one count: they stand on the path that it then drives, or drive along
             it, and the bodies would meet. Recorded footprints that overlap by less than 0.3 m are no contact there.
         extremes: By name of the measure.
         tet_seconds: Time with a time to collision of at most the threshold [s], shape (judged,).
@@ -112,7 +110,7 @@ class Criticality:
             other one's) that values refer to.
         settings: As evaluated.
         overlapping: Pairs of ids that overlap at their first common time step, unless they collide later in a run;
-            they are in the tables, but not among the most critical moments: nobody drove them together.
+            they are in the tables, but not among the most critical moments: no run drove them together.
         notes: One line per thing the user should know.
         origin: How the values came about.
     """
@@ -142,22 +140,6 @@ class Criticality:
     def to_arrow(self) -> ArrowTable:
         """All measures in long form, as criticality.parquet: one row per participant, time step and measure."""
         return self.origin.marked(criticality_table(self))
-
-    def to_pandas(self) -> pd.DataFrame:
-        """The table of `to_arrow` as a pandas data frame.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
-        return as_pandas(self.to_arrow())
-
-    def to_polars(self) -> pl.DataFrame:
-        """The table of `to_arrow` as a polars data frame.
-
-        Raises:
-            MissingExtraError: polars is not installed.
-        """
-        return as_polars(self.to_arrow())
 
     def __getitem__(self, name: str) -> Floats:
         """Values of a measure, shape (judged, time_steps).
@@ -327,16 +309,7 @@ def evaluate(
     found = _core.evaluate_criticality(
         scenario.dt,
         core_road(scenario, _ROAD),
-        traffic.ids.tolist(),
-        [core_shape(shape) for shape in traffic.shapes],
-        traffic.is_static.tolist(),
-        traffic.first_time_step,
-        traffic.x,
-        traffic.y,
-        traffic.orientation,
-        traffic.velocity,
-        traffic.acceleration,
-        np.ascontiguousarray(traffic.valid),
+        traffic.in_core,
         judged=judged,
         deceleration=[available.get(number, chosen.deceleration) for number in judged],
         connectors=connectors_of(scenario) if chosen.conflict_areas == "stated" else None,

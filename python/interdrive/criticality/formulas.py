@@ -15,9 +15,9 @@ from interdrive.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Floats = NDArray[np.float64]
+    from interdrive.array_types import Floats
 
 
 def time_headway(headway: ArrayLike, velocity: ArrayLike) -> Floats:

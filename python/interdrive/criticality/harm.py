@@ -14,7 +14,8 @@ from interdrive.storage import Record, label, number
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.criticality.source import Floats, Ints, RecordedRun
+    from interdrive.array_types import Floats, Ints
+    from interdrive.criticality.source import RecordedRun
 
 #: Mass [kg] of CommonRoad's vehicle type 2 (BMW 320i), and its size [m], by which agents of this type are known.
 BMW_320I_MASS, _BMW_320I_LENGTH, _BMW_320I_WIDTH = 1093.3, 4.508, 1.610

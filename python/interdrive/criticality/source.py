@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.scenario import STATE_FIELDS, Scenario, Shape
+from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
+    from interdrive.array_types import Bools, Floats, Ints
 
 _TABLES = STATE_FIELDS[:5]
 
@@ -115,6 +113,14 @@ class Traffic:
     valid: Bools
     default_ids: list[int]
     contacts: list[tuple[int, int, int]]
+
+    @property
+    def in_core(self) -> _core.Participants:
+        """The participants as the core takes them."""
+        shapes = [core_shape(shape) for shape in self.shapes]
+        tables: dict[str, Any] = {name: getattr(self, name) for name in _TABLES}
+        about = (self.ids.tolist(), shapes, self.is_static.tolist(), self.first_time_step)
+        return _core.Participants(*about, valid=np.ascontiguousarray(self.valid), **tables)
 
     def only(self, ids: Sequence[int]) -> Traffic:
         """The same with these participants only.

@@ -27,7 +27,7 @@ from interdrive.storage import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.criticality.source import Bools, Ints
+    from interdrive.array_types import Bools, Ints
     from interdrive.storage import ArrowTable
 
 _NAMES = tuple(measure.name for measure in MEASURES)
@@ -48,7 +48,7 @@ COLUMNS = (
         null="it cannot be computed",
         infinite=True,
     ),
-    Column("partner_id", "integer", "the participant that was decisive", null="nobody was"),
+    Column("partner_id", "integer", "the participant that was decisive", null="no participant was"),
     Column(
         "path",
         "label",

@@ -356,3 +356,20 @@ def _repeated(setup: Setup, made_with: dict[str, Any], arrays: dict[str, NDArray
 def public(info: Info) -> Info:
     """The info for users."""
     return {name: value for name, value in info.items() if name not in ("row", "stage", "truncated")}
+
+
+class Drives:
+    """What every environment offers, however many worlds it has."""
+
+    _engine: Engine
+
+    def update(self, **changes: Any) -> None:  # noqa: ANN401 - settings of many types
+        """Changes `traffic` or rewards from the next episode on; spaces never change.
+
+        Args:
+            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
+
+        Raises:
+            InputError: Another name, or a value that does not fit.
+        """
+        self._engine.update(changes)

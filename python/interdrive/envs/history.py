@@ -36,7 +36,7 @@ class Episode:
 
 
 class Repeatable(Protocol):
-    """Worlds to which something was done that is done to others again."""
+    """Worlds whose history can be repeated in other worlds."""
 
     setup: Any
     first_setup: Any

@@ -9,7 +9,7 @@ import numpy as np
 
 from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, public
-from interdrive.envs.recording import recorded_actions, run_of
+from interdrive.envs.recording import RecordedDrives
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering
 from interdrive.envs.spaces import observation_space
@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     import gymnasium
     from numpy.typing import NDArray
 
-    from interdrive.runs import Run
 
-
-class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
+class ParallelDriveEnv(RecordedDrives, ParallelEnv):  # type: ignore[misc]
     """Several vehicles learn together; `possible_agents` are agent_0, agent_1, ... by ascending CommonRoad id.
 
     Attributes:
@@ -151,42 +149,6 @@ class ParallelDriveEnv(ParallelEnv):  # type: ignore[misc]
         masks = self._engine.buffers.masks
         whole: NDArray[np.float32] = np.where(masks[:, None], self._engine.buffers.observations, 0.0).ravel()
         return whole
-
-    def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or rewards from the next episode on; spaces never change.
-
-        Args:
-            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
-
-        Raises:
-            InputError: Another name, or a value that does not fit.
-        """
-        self._engine.update(changes)
-
-    def run(self) -> Run:
-        """The episode until now; needs `record=True`."""
-        return run_of(self._engine)
-
-    def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What a recorded driver did, as actions of the single-track model.
-
-        Args:
-            agent_id: CommonRoad id of a vehicle with a recording.
-
-        Returns:
-            Actions, shape (time steps, 2), and whether each of them leads to the next recorded state, shape
-            (time steps,).
-
-        Raises:
-            InputError: The actions of this environment cannot be inverted, or the vehicle has no recording.
-        """
-        return recorded_actions(self._engine, agent_id)
-
-    def render(self) -> None:
-        """Does nothing; pictures come from `run()`."""
-
-    def close(self) -> None:
-        """Has nothing to close."""
 
     def _observed(self, names: list[str]) -> dict[str, Any]:
         return {name: self._views.of(self._row[name]) for name in names}

@@ -1,4 +1,4 @@
-"""A finished episode as a run, to be saved, reported and judged; and what recorded drivers did."""
+"""Environments of one world: their episode as a run, to be saved, reported and judged; what recorded drivers did."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from interdrive.config.binding import flatten
 from interdrive.envs.actions import KinematicGrid
+from interdrive.envs.engine import Drives
 from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic
 from interdrive.run import Plans, Timings
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 LEARNER = "learner"
 
 
-def run_of(engine: Engine) -> Run:
+def _run_of(engine: Engine) -> Run:
     """The episode of the first world, as far as it has come.
 
     Raises:
@@ -75,27 +76,40 @@ def run_of(engine: Engine) -> Run:
     return replace(run, outcomes=replace(outcomes, reason=reasons(run, stage.road)))
 
 
-def recorded_actions(engine: Engine, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """What a recorded driver did, as actions of the single-track model.
+class RecordedDrives(Drives):
+    """What environments of one world offer."""
 
-    Args:
-        engine: Worlds of one scenario, or with an episode.
-        agent_id: CommonRoad id.
+    def run(self) -> Run:
+        """The episode until now; needs `record=True`."""
+        return _run_of(self._engine)
 
-    Returns:
-        Actions of shape (time steps, 2), and shape (time steps,): they lead to within 0.1 m and 0.02 rad of the next
-        recorded state.
+    def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """What a recorded driver did, as actions of the single-track model.
 
-    Raises:
-        InputError: It cannot be an agent, or actions are not those of the model.
-    """
-    episode = engine.episodes[0]
-    stage = engine.stages[0 if episode is None else episode.stage]
-    ids = [agent.id for agent in stage.agents]
-    if agent_id not in ids:
-        raise InputError(f"agent {agent_id}", f"cannot be an agent of {stage.scenario.name}")
-    actions = engine.setup.actions
-    model = actions.model if isinstance(actions, KinematicGrid) else actions
-    if not isinstance(model, Kinematic):
-        raise InputError("recorded_actions", "only Kinematic and KinematicGrid can be inverted")
-    return stage.core.recorded_actions(ids.index(agent_id), model)
+        Args:
+            agent_id: CommonRoad id of a vehicle with a recording.
+
+        Returns:
+            Actions, shape (time steps, 2), and whether each of them leads to within 0.1 m and 0.02 rad of the next
+            recorded state, shape (time steps,).
+
+        Raises:
+            InputError: The actions of this environment cannot be inverted, or the vehicle has no recording.
+        """
+        engine = self._engine
+        episode = engine.episodes[0]
+        stage = engine.stages[0 if episode is None else episode.stage]
+        ids = [agent.id for agent in stage.agents]
+        if agent_id not in ids:
+            raise InputError(f"agent {agent_id}", f"cannot be an agent of {stage.scenario.name}")
+        actions = engine.setup.actions
+        model = actions.model if isinstance(actions, KinematicGrid) else actions
+        if not isinstance(model, Kinematic):
+            raise InputError("recorded_actions", "only Kinematic and KinematicGrid can be inverted")
+        return stage.core.recorded_actions(ids.index(agent_id), model)
+
+    def render(self) -> None:
+        """Does nothing; pictures come from `run()`."""
+
+    def close(self) -> None:
+        """Has nothing to close."""

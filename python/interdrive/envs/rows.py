@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, checked_count, public
+from interdrive.envs.engine import Drives, Engine, checked_count, public
 from interdrive.envs.settings import setup_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Bools
     from interdrive.envs.sampling import Sampler
 
-    Bools: TypeAlias = NDArray[np.bool_]
 
-
-class Rows:
+class Rows(Drives):
     """Many worlds as rows, row = world * slots + slot, in arrays that are written in place.
 
     A world begins anew in the call in which its last learner ends: its rows then show the new episode, and the flags
@@ -127,17 +126,6 @@ class Rows:
     def infos(self) -> list[dict[str, Any]]:
         """What is known about the learners that have ended in the last call, with their `row`."""
         return [{**public(info), "row": info["row"]} for info in self._engine.infos()]
-
-    def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or rewards from the next episode on; spaces never change.
-
-        Args:
-            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
-
-        Raises:
-            InputError: Another name, or a value that does not fit.
-        """
-        self._engine.update(changes)
 
     def close(self) -> None:
         """Has nothing to close."""

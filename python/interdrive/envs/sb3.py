@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, checked_count, public
+from interdrive.envs.engine import Drives, Engine, checked_count, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import only_one
 from interdrive.errors import InputError, MissingExtraError
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from interdrive.envs.sampling import Sampler
 
 
-class DriveVecEnv(VecEnv):  # type: ignore[misc]
+class DriveVecEnv(Drives, VecEnv):  # type: ignore[misc]
     """Many worlds with one learner each, as Stable-Baselines3 takes them; world i equals a `DriveEnv` with seed + i.
 
     A world begins anew in the step in which its learner ends. The info of that world then has, besides what is in the
@@ -94,10 +94,6 @@ class DriveVecEnv(VecEnv):  # type: ignore[misc]
                     "TimeLimit.truncated": bool(buffers.truncations[row]),
                 }
         return self._views.of(slice(None), copy=True), buffers.rewards.copy(), dones, infos
-
-    def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or `reward.*` from the next episode on; spaces never change."""
-        self._engine.update(changes)
 
     def close(self) -> None:
         """Has nothing to close."""

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 
 from interdrive.envs.actions import put
 from interdrive.envs.engine import Engine, checked_seed, public
-from interdrive.envs.recording import recorded_actions, run_of
+from interdrive.envs.recording import RecordedDrives
 from interdrive.envs.settings import setup_of
 from interdrive.errors import InputError
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from interdrive.runs import Run
 
 
 def only_one(learners: object, name: str) -> None:
@@ -40,7 +34,7 @@ def no_rendering(render_mode: str | None) -> None:
         raise InputError("render_mode", f'"{render_mode}" is not offered; use run()')
 
 
-class DriveEnv(gymnasium.Env[Any, Any]):
+class DriveEnv(RecordedDrives, gymnasium.Env[Any, Any]):
     """One vehicle learns; all others replay their recording or plan.
 
     An episode begins when the vehicle enters, where the others are by then.
@@ -99,39 +93,3 @@ class DriveEnv(gymnasium.Env[Any, Any]):
         ended, cut = bool(self._ends[0]), bool(self._cuts[0])
         info = public(self._engine.infos()[0]) if ended or cut else {}
         return observation, float(self._rewards[0]), ended, cut, info
-
-    def update(self, **changes: Any) -> None:  # noqa: ANN401 - settings of many types
-        """Changes `traffic` or rewards from the next episode on; spaces never change.
-
-        Args:
-            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
-
-        Raises:
-            InputError: Another name, or a value that does not fit.
-        """
-        self._engine.update(changes)
-
-    def run(self) -> Run:
-        """The episode until now; needs `record=True`."""
-        return run_of(self._engine)
-
-    def recorded_actions(self, agent_id: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """What a recorded driver did, as actions of the single-track model.
-
-        Args:
-            agent_id: CommonRoad id of a vehicle with a recording.
-
-        Returns:
-            Actions, shape (time steps, 2), and whether each of them leads to the next recorded state, shape
-            (time steps,).
-
-        Raises:
-            InputError: The actions of this environment cannot be inverted, or the vehicle has no recording.
-        """
-        return recorded_actions(self._engine, agent_id)
-
-    def render(self) -> None:
-        """Does nothing; pictures come from `run()`."""
-
-    def close(self) -> None:
-        """Has nothing to close."""

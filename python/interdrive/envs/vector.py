@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector.utils import batch_space
 
 from interdrive.envs.actions import put
-from interdrive.envs.engine import Engine, checked_count, checked_seed, public
+from interdrive.envs.engine import Drives, Engine, checked_count, checked_seed, public
 from interdrive.envs.settings import setup_of
 from interdrive.envs.single import no_rendering, only_one
 from interdrive.errors import InputError
@@ -36,7 +36,7 @@ def _mode(given: Any) -> tuple[str, Any]:  # noqa: ANN401 - a word or a member o
     return name, None if modes is None else modes[name]
 
 
-class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
+class DriveVectorEnv(Drives, gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Many worlds with one learner each, in one native call; world i equals a `DriveEnv` with seed + i.
 
     Args:
@@ -141,17 +141,6 @@ class DriveVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             buffers.truncations.copy(),
             infos,
         )
-
-    def update(self, **changes: Any) -> None:  # noqa: ANN401
-        """Changes `traffic` or rewards from the next episode on; spaces never change.
-
-        Args:
-            **changes: `traffic` or `reward.NAME`, for instance `**{"reward.collision": -2.0}`.
-
-        Raises:
-            InputError: Another name, or a value that does not fit.
-        """
-        self._engine.update(changes)
 
     def close_extras(self, **kwargs: Any) -> None:  # noqa: ANN401
         """Has nothing to close; `kwargs` are not used."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 #: Intervals of headings from this width on [rad] hold every heading; decimals of 2 pi are cut in files.
 _ANY_HEADING = 2.0 * math.pi - 1e-4
-#: What nobody here reads; commonroad-io refuses names in it that it does not know.
+#: Elements that interdrive does not read; commonroad-io refuses names in them that it does not know.
 _UNUSED = ("location", "initialSignalState", "signalSeries")
 #: Countries whose list of signs in commonroad-io has no speed limit; its default list has one.
 _WITHOUT_LIMIT = ("AUS",)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.scenario.control import SIGNALS, WAYS, Priorities, Signal, StopLine, TrafficLight, Way
+from interdrive.scenario.control import SIGNALS, TURNS, Priorities, Signal, StopLine, TrafficLight, Turn
 from interdrive.scenario.lanes import driving_side
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def _light(light: Foreign, facts: Facts) -> TrafficLight:
     elements = (getattr(cycle, "cycle_elements", None) or ()) if light.active else ()
     phases = tuple((_signal(element.state), int(element.duration)) for element in elements if element.duration > 0)
     stated = str(getattr(light.direction, "value", "all"))
-    directions = frozenset(way for way in WAYS if way in stated.lower()) or frozenset(WAYS)
+    directions = frozenset(turn for turn in TURNS if turn in stated.lower()) or frozenset(TURNS)
     number = int(light.traffic_light_id)
     place = None if number in facts.unplaced_lights else light.position
     return TrafficLight(
@@ -190,7 +190,7 @@ def _stated_ends(lanelet: Foreign) -> NDArray[np.float64] | None:
 
 
 def _is_behind(ends: NDArray[np.float64], lanelets: Lanelets, row: int) -> bool:
-    """Whether the middle of a stop line is not ahead of the start of its lanelet, where nobody comes to it."""
+    """Whether the middle of a stop line is not ahead of the start of its lanelet, so that no vehicle comes to it."""
     middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
     along = middle[1] - middle[0]
     ahead = float((ends.mean(axis=0) - middle[0]) @ along) / max(float(np.hypot(*along)), 1e-12)
@@ -247,20 +247,20 @@ def _signal(state: Foreign) -> Signal:
     return SIGNALS[SIGNALS.index(name)] if name in SIGNALS else "dark"
 
 
-def _stated_turns(network: Foreign) -> dict[int, Way]:
-    """Lanelet -> way across its intersection; commonroad-io 2024 and 2026 use different names."""
+def _stated_turns(network: Foreign) -> dict[int, Turn]:
+    """Lanelet -> turn at its intersection; commonroad-io 2024 and 2026 use different names."""
     return {
-        int(number): way
+        int(number): turn
         for intersection in network.intersections
         for incoming in intersection.incomings
-        for way in WAYS
+        for turn in TURNS
         for group in ("outgoing", "successors")
-        for number in getattr(incoming, f"{group}_{way}", None) or ()
+        for number in getattr(incoming, f"{group}_{turn}", None) or ()
     }
 
 
-def turn_of(lanelets: Lanelets, row: int, least: float = _TURN) -> Way:
-    """The way that a lanelet takes by its change of heading, if that is more than `least` [rad]."""
+def turn_of(lanelets: Lanelets, row: int, least: float = _TURN) -> Turn:
+    """The turn of a lanelet by its change of heading, if that is more than `least` [rad]."""
     middle = 0.5 * (lanelets.left[row] + lanelets.right[row])
     steps = np.diff(middle, axis=0)
     headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])[np.any(steps != 0.0, axis=1)])
@@ -309,14 +309,14 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
     """
     country = _country(benchmark_id)
     ranks: dict[int, tuple[int, int, int]] = {}
-    # Of several signs at a lanelet the one that is worth least counts.
+    # Of several signs at a lanelet the lowest rank counts.
     for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):
         here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
         ranks |= dict.fromkeys(here, _RANKS[name])
     minor = [int(i) for i, kinds in zip(lanelets.ids, lanelets.types, strict=True) if _MINOR.intersection(kinds)]
-    turns: list[tuple[int, Way]] = sorted(_stated_turns(network).items())
+    turns: list[tuple[int, Turn]] = sorted(_stated_turns(network).items())
     return Priorities(
-        turns=tuple((number, way) for number, way in turns if number in lanelets.ids),
+        turns=tuple((number, turn) for number, turn in turns if number in lanelets.ids),
         ranks=tuple(sorted(ranks.items())),
         minor=tuple(minor),
         left_hand=(driving_side(lanelets) or ("left" if country in _LEFT_HAND else "right")) == "left",
@@ -339,7 +339,7 @@ def crosswalks(network: Foreign, lanelets: Lanelets) -> tuple[int, ...]:
 
 
 def is_priority_sign(sign: Foreign, facts: Facts) -> bool:
-    """Whether the sign tells who goes first."""
+    """Whether the sign tells which vehicle goes first."""
     return not _RANKS.keys().isdisjoint(_names(sign, facts))
 
 

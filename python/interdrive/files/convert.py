@@ -51,7 +51,7 @@ _KINDS = {
 _LIMITS = {"MAX_SPEED": np.nan, "MAX_SPEED_ZONE_START": 30.0 / 3.6, "TOWN_SIGN": 50.0 / 3.6}
 #: A lanelet that turns by this much in one sense comes back to where it began [rad].
 _CLOSED = 1.5 * np.pi
-#: Values that recordings seldom state; derived ones are no remark where nobody has them.
+#: Values that recordings seldom state; derived ones are no remark where no vehicle states them.
 _OFTEN_ABSENT = ("acceleration", "yaw_rate")
 _PLAIN_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "train", "taxi")
 

@@ -7,7 +7,7 @@ import re
 
 from interdrive.errors import InputError
 
-#: How documents without a mark of their byte order begin, besides those whose declaration is readable as ASCII.
+#: How documents without a mark of their byte order begin, unless their declaration is readable as ASCII.
 _BEGINNINGS = (
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),

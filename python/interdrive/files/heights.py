@@ -12,11 +12,8 @@ from interdrive.scenario.native import CLEARANCE
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.files.shapes import Foreign
-
-    Floats = NDArray[np.float64]
 
 
 def heights_of(lanelet: Foreign) -> Floats:

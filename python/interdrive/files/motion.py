@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from interdrive import _core
 from interdrive.scenario import STATE_FIELDS
 from interdrive.scenario.limits import LARGEST_ACCELERATION, LARGEST_VELOCITY, LARGEST_YAW_RATE
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    from interdrive.array_types import Floats, Ints
 
 #: Below this speed [m/s] the heading cannot be derived from the direction of motion.
 _STANDING = _core.STANDSTILL_SPEED
@@ -31,7 +32,7 @@ class Track:
         contradicts: Whether a time step occurs twice, at places more than `SAME_PLACE` apart.
     """
 
-    time_steps: NDArray[np.int64]
+    time_steps: Ints
     values: Floats
     derived: tuple[str, ...] = field(default=())
     derived_first: tuple[str, ...] = field(default=())

@@ -16,13 +16,9 @@ from interdrive.files.document import parse
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.run import AgentRecord, RunRecord
     from interdrive.scenario import PlanningProblem
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Vehicle models, with the names of their trajectories and states.
 MODELS = {"KS": ("ksTrajectory", "ksState"), "ST": ("stTrajectory", "stState"), "PM": ("pmTrajectory", "pmState")}

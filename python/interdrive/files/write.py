@@ -21,12 +21,10 @@ if TYPE_CHECKING:
 
     from commonroad.planning.planning_problem import PlanningProblemSet
     from commonroad.scenario.scenario import Scenario as CommonRoadScenario
-    from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord, States
     from interdrive.scenario import Obstacles, Scenario
-
-    Floats = NDArray[np.float64]
 
 #: Decimals of the numbers of states: a hundredth of a micrometre.
 DECIMALS = 8

@@ -1,6 +1,6 @@
 """Pictures of a run: one still, or an animation. Importing this loads matplotlib."""
 
-from interdrive.plots.animation import animate_run, check_animation, draw_agent_view
+from interdrive.plots.animation import animate_run, check_animation
 from interdrive.plots.criticality import draw_critical_moment, draw_criticality
 from interdrive.plots.figures import draw_figure, figure_kind
 from interdrive.plots.messages import draw_messages
@@ -12,7 +12,6 @@ __all__ = [
     "animate_run",
     "check_animation",
     "chosen_agents",
-    "draw_agent_view",
     "draw_critical_moment",
     "draw_criticality",
     "draw_figure",

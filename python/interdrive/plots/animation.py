@@ -11,21 +11,16 @@ import numpy as np
 from PIL import Image
 
 from interdrive.errors import InputError, MissingExtraError, ResultsError
-from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.frames import Stage
 from interdrive.storage import replacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from interdrive.plots.agent_view import AgentView
     from interdrive.run import RunRecord
 
 #: The last frame stays for this long [s].
 _HOLD = 2.0
-
-#: Participants that enter within this distance of an agent are in the picture that follows it [m].
-_NEAR = 40.0
 
 
 def check_animation(path: str | Path) -> None:
@@ -45,10 +40,8 @@ def check_animation(path: str | Path) -> None:
 def animate_run(
     run: RunRecord,
     path: str | Path,
-    agent_id: int | None = None,
     *,
     fps: float = 10.0,
-    follow: bool | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> None:
     """Writes a film of the run in real time, whole or not at all.
@@ -59,23 +52,18 @@ def animate_run(
     Args:
         run: Finished or interrupted.
         path: Ends in .gif or .mp4 (needs ffmpeg).
-        agent_id: Agent whose recorded candidates and predictions are shown as well (`record.candidates`,
-            `record.predictions`, `record.views`).
         fps: Frames per second, at most one per time step.
-        follow: Camera follows the chosen agent; by default if one is chosen. Otherwise it shows where agents move.
         on_frame: Called after every frame with the number of frames done and in all.
 
     Raises:
-        InputError: The chosen agent is not an agent of the run, or fps is not positive.
+        InputError: fps is not positive.
         ResultsError: The file cannot be written.
         MissingExtraError: MP4 without ffmpeg.
     """
     check_animation(path)
     if not fps > 0:
         raise InputError(f"fps must be positive, not {fps}")
-    if agent_id is not None and agent_id not in {agent.id for agent in run.agents}:
-        raise InputError(f"agent {agent_id} is not in the run")
-    stage = Stage(run, agent_id, follow=agent_id is not None if follow is None else follow)
+    stage = Stage(run)
     rate = min(fps, 1.0 / run.scenario.dt)
     n_frames = max(1, round((run.states.n_steps - 1) * run.scenario.dt * rate) + 1)
     columns = [min(run.states.n_steps - 1, round(k / rate / run.scenario.dt)) for k in range(n_frames)]
@@ -84,46 +72,6 @@ def animate_run(
             _write_gif(stage, columns, 1.0 / rate, partial, on_frame)
         else:
             _write_mp4(stage, columns, rate, partial, on_frame)
-
-
-def draw_agent_view(run: RunRecord, path: str | Path, agent_id: int, time_step: int | None = None) -> None:
-    """Writes one frame of the film that follows an agent: its candidates, and the predictions that it sees, as PNG.
-
-    Args:
-        run: Finished or interrupted, with recorded candidates or predictions.
-        path: Ends in .png.
-        agent_id: The agent.
-        time_step: When; when it sees the most modes of others near it otherwise.
-
-    Raises:
-        InputError: Nothing was recorded of that agent, or it does not drive at that time step.
-        ResultsError: The file cannot be written.
-    """
-    if Path(path).suffix.lower() != ".png":
-        raise ResultsError(f"{path}: pictures of what an agent sees end in .png")
-    views = AgentViews(run, agent_id)
-    steps = views.time_steps
-    if not steps:
-        raise InputError(f"agent {agent_id}: the run recorded neither candidates nor predictions of it")
-    chosen = (
-        max(steps, key=lambda step: _modes_near(run, agent_id, step, views.at(step)))
-        if time_step is None
-        else time_step
-    )
-    if chosen not in steps:
-        raise InputError(f"time step {chosen}: agent {agent_id} drives from {steps[0]} to {steps[-1]}")
-    with replacing(path) as partial:
-        Stage(run, agent_id, follow=True).frame(chosen - run.states.first_time_step).save(partial, "PNG")
-
-
-def _modes_near(run: RunRecord, agent_id: int, time_step: int, shown: AgentView | None) -> int:
-    """Modes of others that begin so near to the agent that a picture shows them."""
-    if shown is None:
-        return 0
-    states = run.states
-    row, column = int(np.searchsorted(states.participant_id, agent_id)), time_step - states.first_time_step
-    x, y = shown.means[:, 0].T
-    return int((np.hypot(x - states.x[row, column], y - states.y[row, column]) < _NEAR).sum())
 
 
 def _write_gif(

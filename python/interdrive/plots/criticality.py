@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from interdrive.array_types import Floats
     from interdrive.criticality import Criticality, CriticalMoment, Measure
-    from interdrive.plots.view import Floats
     from interdrive.run import RunRecord
 
 _COLUMNS, _PANEL = 3, 27.0 * MM

@@ -1,11 +1,10 @@
-"""Single frames of a film: the road is drawn once per camera position, each frame only what moves."""
+"""Single frames of a film: the road is drawn once, each frame only what moves."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -13,58 +12,35 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
-from interdrive.plots.agent_view import AgentViews
 from interdrive.plots.road import road_artists
-from interdrive.plots.style import (
-    INK,
-    OUTCOME_MARKS,
-    PREDICTION,
-    RECORDED,
-    RECORDED_EDGE,
-    STATIC,
-    TRAFFIC,
-    agent_colors,
-)
-from interdrive.plots.trajectories import ellipse_rings, plan_points, strength
+from interdrive.plots.style import INK, OUTCOME_MARKS, RECORDED, RECORDED_EDGE, STATIC, TRAFFIC, agent_colors
+from interdrive.plots.trajectories import plan_points
 from interdrive.plots.vehicles import Footprints, goal_outlines
-from interdrive.plots.view import View, view_of
+from interdrive.plots.view import view_of
 from interdrive.run.goals import said_time
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from interdrive.plots.agent_view import AgentView
-    from interdrive.plots.view import Floats
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
 _WIDTH, _ASPECT_MIN, _ASPECT_MAX = 1200, 0.22, 0.66
 
-#: What a camera that follows an agent shows [m], its height / width, and how far ahead of the agent it looks.
-_FOLLOW_WIDTH, _FOLLOW_ASPECT, _AHEAD = 110.0, 0.5, 18.0
-
 #: An agent that is done leaves its marker for this long; a collision stays marked [s].
 _MARK_TIME = 2.0
-
-#: Probability of the ellipses of predictions; their fill, if the mode is certain.
-_ELLIPSE_MASS, _ELLIPSE_FILL = 0.95, 0.14
 
 #: Height of the strip with the legend [px].
 _STRIP = 30
 
-_REJECTED, _UNKNOWN, _CHOSEN = "#b0a0a0", "#9a9a9a", "#000000"
 _WRECK = OUTCOME_MARKS["collision"].color
-
-_COST_COLORS = mpl.colormaps["viridis"]
 
 
 @dataclass
 class _Layers:
     """What moves, in drawing order; every layer is refilled for each frame."""
 
-    candidates: Any = field(default_factory=lambda: LineCollection([], linewidths=0.6))
-    predictions: Any = field(default_factory=lambda: LineCollection([], linewidths=0.9))
-    ellipses: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.5))
     plans: Any = field(default_factory=lambda: LineCollection([], linewidths=1.8, capstyle="round", alpha=0.9))
     bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
     noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
@@ -73,28 +49,20 @@ class _Layers:
     )
 
     def __iter__(self) -> Iterator[Any]:
-        return iter(
-            (self.ellipses, self.candidates, self.predictions, self.plans, self.wrecks, self.bodies, self.noses)
-        )
+        return iter((self.plans, self.wrecks, self.bodies, self.noses))
 
 
 class Stage:
     """Draws single frames of a run."""
 
-    def __init__(self, run: RunRecord, agent_id: int | None, *, follow: bool) -> None:
-        self.run, self.agent_id = run, agent_id
+    def __init__(self, run: RunRecord) -> None:
+        self.run = run
         self.footprints = Footprints(run)
         self.colors = agent_colors(run)
         self.crowded = len(run.agents) > 30
         self.row = {number: row for row, number in enumerate(run.states.participant_id.tolist())}
         self.plan_rows = _rows_by_time_step(run.plans.time_step)
-        self.agent_views = AgentViews(run, agent_id)
         self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
-        self.centers: Floats | None = None
-        if follow and agent_id is not None:
-            height = _FOLLOW_WIDTH * _FOLLOW_ASPECT
-            self.view = View(self.view.angle, (0.0, 0.0), _FOLLOW_WIDTH, height)
-            self.centers = _camera_path(run, self.row[agent_id])
         height = 2 * round(0.5 * _WIDTH * self.view.height / self.view.width)
         self.size = (_WIDTH, height + _STRIP)
         self.scale = _WIDTH / self.view.width  # px per metre
@@ -107,9 +75,11 @@ class Stage:
         for layer in self.layers:
             self.axes.add_collection(layer, autolim=False)
             layer.set_animated(True)
-        self.road: list[Any] = []
-        self.background: Any = None
-        self.road_around: Floats | None = None
+        for artist in (*road_artists(run.scenario.lanelets, self.view, 0.9), *self._goals()):
+            self.axes.add_collection(artist, autolim=False)
+        self.axes.set(xlim=self.view.x_limits, ylim=self.view.y_limits)
+        self.canvas.draw()
+        self.background = self.canvas.copy_from_bbox(figure.bbox)
         self.fonts = {
             size: ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size) for size in (10, 11, 13, 14, 17)
         }
@@ -117,7 +87,6 @@ class Stage:
 
     def frame(self, column: int) -> Image.Image:
         """The picture of one column of the states, as RGB."""
-        self._aim(column)
         self.canvas.restore_region(self.background)
         labels = self._fill(column)
         renderer = self.canvas.get_renderer()
@@ -130,36 +99,17 @@ class Stage:
         self._write_texts(ImageDraw.Draw(frame), labels, column)
         return frame
 
-    def _aim(self, column: int) -> None:
-        """Points the camera and draws the road, if it does not look at the same place as before."""
-        if self.background is not None and self.centers is None:
-            return
-        if self.centers is not None:
-            self.view = self.view.centered_at(self.centers[column])
-        center = np.array(self.view.center)
-        if self.road_around is None or np.hypot(*(center - self.road_around)) > 0.45 * self.view.width:
-            # Enough road for a while of following.
-            wide = View(self.view.angle, self.view.center, 2.0 * self.view.width, 2.5 * self.view.height)
-            for artist in self.road:
-                artist.remove()
-            self.road = [*road_artists(self.run.scenario.lanelets, wide, 0.9), *self._goals()]
-            for artist in self.road:
-                self.axes.add_collection(artist, autolim=False)
-            self.road_around = center
-        self.axes.set(xlim=self.view.x_limits, ylim=self.view.y_limits)
-        self.canvas.draw()
-        self.background = self.canvas.copy_from_bbox(self.axes.figure.bbox)
-
     def _goals(self) -> list[Any]:
-        made = []
-        for agent in self.run.agents:
-            if self.agent_id in (None, agent.id):
-                areas = goal_outlines([agent], self.view)
-                color = self.colors[agent.id]
-                made.append(
-                    PolyCollection(areas, facecolors="none", edgecolors=color, linewidths=0.7, linestyles=[(0, (3, 2))])
-                )
-        return made
+        return [
+            PolyCollection(
+                goal_outlines([agent], self.view),
+                facecolors="none",
+                edgecolors=self.colors[agent.id],
+                linewidths=0.7,
+                linestyles=[(0, (3, 2))],
+            )
+            for agent in self.run.agents
+        ]
 
     def _fill(self, column: int) -> list[tuple[Floats, str, str, str]]:
         """Fills all layers; returns what is to be written: place in the picture [m], text, colour, marker."""
@@ -180,7 +130,6 @@ class Stage:
         self.layers.bodies.set(facecolors=fills, edgecolors=edges)
         self.layers.noses.set_verts(noses)
         self._fill_plans(now)
-        self._fill_agent_view(self.agent_views.at(now))
         return labels + self._fill_ended(now)
 
     def _beside(self, row: int, column: int) -> Floats:
@@ -195,38 +144,12 @@ class Stage:
     def _fill_plans(self, now: int) -> None:
         plans, lines, colors = self.run.plans, [], []
         for index in self.plan_rows.get(now, ()):
-            number = int(plans.agent_id[index])
             points = plan_points(plans, index)
             if len(points) > 1:
                 lines.append(self.view.picture_from_world(points))
-                colors.append(
-                    _CHOSEN if number == self.agent_id and self.agent_views.exist else self.colors.get(number, INK)
-                )
+                colors.append(self.colors.get(int(plans.agent_id[index]), INK))
         self.layers.plans.set_segments(lines)
         self.layers.plans.set_color(colors)
-
-    def _fill_agent_view(self, shown: AgentView | None) -> None:
-        candidates, predictions, ellipses = self.layers.candidates, self.layers.predictions, self.layers.ellipses
-        if shown is None:
-            candidates.set_segments([])
-            predictions.set_segments([])
-            ellipses.set_verts([])
-            return
-        lines = self.view.picture_from_world(shown.candidates)
-        order, colors = _candidate_colors(shown)
-        candidates.set_segments([line[np.isfinite(line).all(axis=1)] for line in lines[order]])
-        candidates.set_color(colors)
-        # Every mode, the stronger the more probable; the probable ones on top.
-        order = np.argsort(shown.probability, kind="stable")
-        means, covariance, strong = shown.means[order], shown.covariance[order], strength(shown.probability[order])
-        ways = self.view.picture_from_world(means)
-        predictions.set_segments([way[np.isfinite(way).all(axis=1)] for way in ways])
-        predictions.set_color([mpl.colors.to_rgba(PREDICTION, alpha) for alpha in strong])
-        rings = [ellipse_rings(m[1:], c, _ELLIPSE_MASS) for m, c in zip(means, covariance, strict=True)]
-        alphas = [alpha for alpha, group in zip(strong, rings, strict=True) for _ in group]
-        ellipses.set_verts(self.view.picture_from_world(np.concatenate([*rings, np.empty((0, 24, 2))])))
-        ellipses.set_facecolor([mpl.colors.to_rgba(PREDICTION, _ELLIPSE_FILL * alpha) for alpha in alphas])
-        ellipses.set_edgecolor([mpl.colors.to_rgba(PREDICTION, 0.45 * alpha) for alpha in alphas])
 
     def _fill_ended(self, now: int) -> list[tuple[Floats, str, str, str]]:
         """Marks agents that are done; a crashed one stays as an outline."""
@@ -270,22 +193,11 @@ class Stage:
         draw = ImageDraw.Draw(strip)
         draw.line((0, 0, self.size[0], 0), fill="#cccccc")
         middle, x = _STRIP // 2 + 1, 12
-        items: list[tuple[str, str]] = [(RECORDED, "recorded traffic"), ("agents", "agents and their plans")]
-        if self.agent_views.exist:
-            items[1:] = [
-                ("agents", "agents"),
-                (_CHOSEN, f"plan of {self.agent_id}"),
-                ("cost", "candidates, cheap to costly"),
-            ]
-            items += [(_REJECTED, "rejected"), (PREDICTION, "predictions, 95 %, by probability")]
-        for color, text in items:
+        agents = list(self.colors.values())[:4] or [INK]
+        for colors, text in (([RECORDED], "recorded traffic"), (agents, "agents and their plans")):
             for step in range(24):
-                tone = color
-                if color == "agents":
-                    tone = list(self.colors.values() or [INK])[step * min(4, len(self.colors) or 1) // 24]
-                elif color == "cost":
-                    tone = mpl.colors.to_hex(_COST_COLORS(0.95 * step / 23))
-                draw.line((x + step, middle - 2, x + step, middle + 2), fill=tone)
+                fill = colors[step * len(colors) // 24]
+                draw.line((x + step, middle - 2, x + step, middle + 2), fill=fill)
             draw.text((x + 30, middle), text, fill=INK, font=self.fonts[14], anchor="lm")
             x += 30 + int(draw.textlength(text, font=self.fonts[14])) + 18
         nice = np.array([1, 2, 5, 10, 20, 50, 100, 200, 500, 1000])
@@ -313,33 +225,6 @@ def _rows_by_time_step(time_step: Any) -> dict[int, range]:  # noqa: ANN401 - so
     steps, first = np.unique(time_step, return_index=True)
     last = np.append(first[1:], len(time_step))
     return {int(step): range(int(a), int(b)) for step, a, b in zip(steps, first, last, strict=True)}
-
-
-def _camera_path(run: RunRecord, row: int) -> Floats:
-    """Where the camera looks per column [m]: ahead of the agent, smoothed; it waits before the start and at the end."""
-    states = run.states
-    columns = np.flatnonzero(states.valid[row])
-    position = np.stack([states.x[row, columns], states.y[row, columns]], axis=1)
-    heading = states.orientation[row, columns]
-    target = position + _AHEAD * np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    held = np.clip(np.arange(states.n_steps), columns[0], columns[-1]) - columns[0]
-    width = max(1, round(1.0 / run.scenario.dt))
-    padded = np.pad(target[held], ((width, width), (0, 0)), mode="edge")
-    window = np.ones(2 * width + 1) / (2 * width + 1)
-    return np.stack([np.convolve(padded[:, axis], window, mode="valid") for axis in (0, 1)], axis=1)
-
-
-def _candidate_colors(shown: AgentView) -> tuple[Any, list[Any]]:
-    """Candidates to draw, in drawing order (rejected, not evaluated, costly, cheap), and their colours."""
-    rejected = shown.rejected
-    known = np.isfinite(shown.cost) & ~rejected
-    # By rank: a few very costly ones would otherwise use up all the colours.
-    cheapest_first = np.flatnonzero(known)[np.argsort(shown.cost[known], kind="stable")]
-    ranks = np.linspace(0.0, 1.0, max(1, len(cheapest_first)))[: len(cheapest_first)]
-    bad, unknown = np.flatnonzero(rejected), np.flatnonzero(~rejected & ~known)
-    colors = [mpl.colors.to_rgba(_REJECTED, 0.3)] * len(bad) + [mpl.colors.to_rgba(_UNKNOWN, 0.35)] * len(unknown)
-    colors += [(*_COST_COLORS(0.95 * rank)[:3], 0.8 - 0.45 * rank) for rank in ranks[::-1]]
-    return np.concatenate([bad, unknown, cheapest_first[::-1]]).astype(np.int64), colors
 
 
 def _draw_marker(draw: ImageDraw.ImageDraw, x: float, y: float, marker: str, color: str) -> None:

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from interdrive.plots.view import Floats, View
+    from interdrive.array_types import Floats
+    from interdrive.plots.view import View
 
 #: Distances [points] and directions [degrees] that are tried, the preferred ones first.
 _REACHES, _DIRECTIONS = (4.0, 8.0, 13.0, 20.0), (90, 270, 180, 0, 135, 45, 225, 315)

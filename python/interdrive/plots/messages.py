@@ -13,11 +13,9 @@ from interdrive.run import SERVICES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord
-
-    Floats = NDArray[np.float64]
 
 _FONT, _HEIGHT = 7.0, 80.0 * MM
 #: Number of bins of the distance.
@@ -64,7 +62,7 @@ def plan_ages(run: RunRecord) -> tuple[Floats, Floats]:
     """How old the newest plan is that an agent has received from another one, while both are there.
 
     Returns:
-        Times [s], shape (steps,); ages [s], shape (pairs, steps), nan where there is none that is not forgotten.
+        Times [s], shape (steps,); ages [s], shape (pairs, steps), nan where all plans are forgotten.
 
     Raises:
         InputError: No messages were kept.

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from interdrive.array_types import Floats
     from interdrive.criticality import Criticality
-    from interdrive.plots.view import Floats
     from interdrive.run import Plans, RunRecord
 
 #: Widths on paper [mm] by number of columns: those of IEEE journals (88.9 and 181.9 mm), a little less.

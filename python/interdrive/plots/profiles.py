@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Floats
+    from interdrive.array_types import Floats
 
 _HEIGHT = 87.0 * MM
 _LEGEND_ROW, _LEGEND_COLUMNS = 5.0 * MM, 6

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Bools, Floats, View
+    from interdrive.array_types import Bools, Floats
+    from interdrive.plots.view import View
     from interdrive.scenario import Lanelets
 
 SURFACE = "#e7e7e7"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Bools, Floats
+    from interdrive.array_types import Bools, Floats
     from interdrive.run import RunRecord
 
 _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
@@ -261,7 +261,7 @@ def _draw_labels(
                 cost = 0.25 * further + 0.6 * abs(np.cos(turn)) + 0.3 * (np.sin(turn) * side < 0.0)
                 cost += sum(8.0 * _overlap(box, other) for other in boxes)
                 cost += sum(3.0 * _overlap(box, other) for other in taken)
-                # A reader takes the nearest footprint for the one that is meant.
+                # A reader takes the nearest footprint for the labelled one.
                 cost += 1.0 * (
                     _distance(box, taken[index]) > min(_distance(box, other) for other in taken[: len(bodies)])
                 )

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.plots.view import Floats, View
+    from interdrive.array_types import Floats
+    from interdrive.plots.view import View
     from interdrive.run import RunRecord
 
 _ASPECT_MAX, _PAD = 150.0 / 180.0, 0.5 * MM

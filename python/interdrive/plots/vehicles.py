@@ -11,7 +11,8 @@ from interdrive.scenario import Shape
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from interdrive.plots.view import Floats, View
+    from interdrive.array_types import Floats
+    from interdrive.plots.view import View
     from interdrive.run import AgentRecord, RunRecord
 
 

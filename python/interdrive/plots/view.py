@@ -8,13 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.run import RunRecord, States
-
-    Floats = NDArray[np.float64]
-    Bools = NDArray[np.bool_]
-    Ints = NDArray[np.int64]
 
 #: Space around the motion of the agents: share of its longer side, and least and largest space [m].
 _MARGIN, _MARGIN_MIN, _MARGIN_MAX = 0.06, 6.0, 15.0
@@ -60,11 +55,6 @@ class View:
         """The same view, grown until height / width lies between the limits."""
         height = max(self.height, aspect_min * self.width)
         return replace(self, height=height, width=max(self.width, height / aspect_max))
-
-    def centered_at(self, point: Floats) -> View:
-        """The same view around another point of the world [m]."""
-        x, y = self.picture_from_world(point)
-        return replace(self, center=(float(x), float(y)))
 
     def touches(self, points_in_picture: Floats) -> bool:
         """The bounding box of the points overlaps the view."""

@@ -1,4 +1,4 @@
-"""How good predictions are, measured on recordings. Importing the figures loads matplotlib, importing this does not."""
+"""How good predictions are, measured on recordings."""
 
 from interdrive.prediction_evaluation.evaluation import evaluate_predictors
 from interdrive.prediction_evaluation.tables import PredictionEvaluation

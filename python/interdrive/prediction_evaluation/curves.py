@@ -52,7 +52,7 @@ def calibration_table(found: PredictionEvaluation) -> ArrowTable:
     """Observed shares for every nominal one of `NOMINAL`, by predictor, category, traffic, vehicles and horizon.
 
     Vehicles that stand and stay are in the middle of every region; together with them a spread looks wider than it is
-    for those that move.
+    for moving vehicles.
     """
     rows = []
     for predictor in found.predictors:

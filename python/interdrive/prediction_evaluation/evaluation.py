@@ -16,7 +16,6 @@ from interdrive.prediction_evaluation.recordings import Recording, category_of, 
 from interdrive.prediction_evaluation.samples import Gathered
 from interdrive.prediction_evaluation.split import UNKNOWN, read_split
 from interdrive.prediction_evaluation.tables import PredictionEvaluation
-from interdrive.prediction_evaluation.timing import measured_timings
 from interdrive.prediction_evaluation.workers import FileTask, samples_of_files
 from interdrive.predictors import NATIVE
 
@@ -78,7 +77,6 @@ def evaluate_predictors(
     settings: SettingsSpec | None = None,
     split: str | Path | None = None,
     part: str = "validation",
-    with_timing: bool = True,
     workers: int = 1,
     on_step: Callable[[str, int, int], None] | None = None,
 ) -> PredictionEvaluation:
@@ -97,7 +95,6 @@ def evaluate_predictors(
             (`interdrive.prediction_evaluation.split`). None: use all files, with the category of their folder and
             unknown traffic.
         part: The part of the split to evaluate; other files are left out.
-        with_timing: Also measure the time per call.
         workers: Processes that share the files; results do not depend on it. With more than one, scripts need
             `if __name__ == "__main__":`.
         on_step: Called with the current activity, the amount done, and the total.
@@ -138,12 +135,10 @@ def evaluate_predictors(
     notes += gathered.note()
     if not gathered.files:
         raise InputError("no vehicle can be judged: none in these files is recorded for a second")
-    timings = measured_timings(choices, simulation, on_step) if with_timing else ()
     return PredictionEvaluation(
         tuple(gathered.files),
         tuple(choice.label for choice in choices),
         gathered.samples(),
-        timings,
         tuple(notes),
         {
             "every": every,

@@ -21,13 +21,8 @@ from interdrive.prediction_evaluation.mixtures import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from interdrive._core import RoadNetwork
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
+    from interdrive.array_types import Bools, Floats, Ints
 
 #: Times from now at which predictions are judged [s].
 HORIZONS = (1, 2, 3)

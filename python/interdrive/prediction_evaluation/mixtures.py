@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from interdrive.array_types import Floats
 
 #: Points that stand for one mode when the mass of a region is summed.
 _POINTS = 256

@@ -18,13 +18,8 @@ from interdrive.scenario.native import core_road, core_scenario
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.config.schema import SimulationSettings
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Kinds of participants that are judged, if they are not static.
 JUDGED_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle")

@@ -12,12 +12,8 @@ import numpy as np
 from interdrive.prediction_evaluation.measures import HORIZONS, step_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Ints
     from interdrive.scenario import Obstacles
-
-    Bools = NDArray[np.bool_]
-    Ints = NDArray[np.int64]
 
 #: Positions that agree to this are the same [m].
 SAME = 1e-3

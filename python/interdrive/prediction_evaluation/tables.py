@@ -1,4 +1,4 @@
-"""The evaluation and its tables: measures, time per call, samples; `curves` has calibration and error."""
+"""The evaluation and its tables: measures, samples; `curves` has calibration and error."""
 
 from __future__ import annotations
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from interdrive.config.specs import Resolved
     from interdrive.prediction_evaluation.samples import Samples
-    from interdrive.prediction_evaluation.timing import Timing
     from interdrive.run import Json
     from interdrive.storage import ArrowTable
 
@@ -92,13 +91,6 @@ def _measure_columns() -> tuple[Column, ...]:
 
 MEASURE_COLUMNS = _measure_columns()
 
-TIMING_COLUMNS = (
-    Column("predictor", "label", "its name"),
-    Column("vehicles", "integer", "vehicles in the scene"),
-    Column("milliseconds", "number", "median time per call", "ms"),
-    Column("calls", "integer", "calls that were timed"),
-)
-
 #: Columns that a notebook shows.
 _SHOWN = ("predictor", "category", "traffic", "samples", "ade_3", "fde_3", "fde_best_3", "miss_rate", "nll")
 
@@ -142,7 +134,6 @@ class PredictionEvaluation:
         files: The files with samples, in order.
         predictors: Names, in order.
         samples: Every sample.
-        timings: Milliseconds per call.
         notes: What was left out, and why.
         settings: The arguments, as plain values.
         choices: The predictors, to evaluate them again.
@@ -152,7 +143,6 @@ class PredictionEvaluation:
     files: tuple[Path, ...]
     predictors: tuple[str, ...]
     samples: Samples
-    timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
     settings: Mapping[str, Json] = field(default_factory=dict)
     choices: tuple[Resolved, ...] = ()
@@ -274,12 +264,6 @@ def share_of(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
     """Share of the known levels up to a percentage; nan if none is known."""
     known = levels[np.isfinite(levels)]
     return float((known <= percent / 100.0).mean()) if known.size else float("nan")
-
-
-def timing_table(found: PredictionEvaluation) -> ArrowTable:
-    """Time per call, by predictor and number of vehicles."""
-    names = [column.name for column in TIMING_COLUMNS]
-    return table_of(TIMING_COLUMNS, [{name: getattr(row, name) for name in names} for row in found.timings])
 
 
 def samples_table(found: PredictionEvaluation) -> ArrowTable:

@@ -12,9 +12,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.scenario import GoalState, Obstacles, PlanningProblem, Scenario
-
-    Floats = NDArray[np.float64]
 
 #: Vehicles that move where they head. Motorcycles lean and swerve, bicycles more so.
 _MOTOR_VEHICLES = frozenset(("car", "truck", "bus", "taxi", "priority_vehicle"))

@@ -11,14 +11,9 @@ from interdrive.scenario.native import core_shape
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
     from interdrive._core import RoadNetwork
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.scenario import Obstacles, Shape
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Time between the moments that are looked at [s].
 _SPACING = 1.0
@@ -45,7 +40,7 @@ class Placed(Protocol):
 def overlapping(obstacles: Obstacles, dt: float, storeys: RoadNetwork | None = None) -> tuple[tuple[int, int], ...]:
     """Pairs of moving vehicles whose boxes overlap, looked at once a second.
 
-    People and bicycles do not count: who meets them in a recording may have had an accident.
+    People and bicycles do not count: a vehicle that meets them in a recording may have had an accident.
 
     Args:
         obstacles: Recorded traffic.

@@ -23,10 +23,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.scenario.model import Scenario
     from interdrive.scenario.shape import Shape
-
-    Floats = NDArray[np.float64]
 
 #: Bounds of lanelets that differ by more than this [m] belong to different roads.
 _SAME_ROAD = 1e-6

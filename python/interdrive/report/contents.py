@@ -38,15 +38,12 @@ from interdrive.storage import is_of
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.criticality import Measure
     from interdrive.report import contract
     from interdrive.report.contract import BatchHeader, Missing, Participant, RunEvent, RunHeader
     from interdrive.results import Results, RunInformation
     from interdrive.run import RunRecord
-
-    Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,9 @@ from interdrive.run import SERVICES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats, Ints
     from interdrive.report.packing import Packer
     from interdrive.run import Messages, RunRecord
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Resolutions: positions [m], headings [rad].
 _METRE, _RADIAN = 0.01, 0.001
@@ -62,7 +60,7 @@ def links(messages: Messages, run: RunRecord, age_max: float) -> tuple[Ints, Int
 
     Returns:
         Rows of receiver and sender, shape (links, 2), sorted; the age of the newest plan that has arrived, in time
-        steps, shape (links, steps), 0 without one; and whether the newest one that was sent before does not arrive.
+        steps, shape (links, steps), 0 without one; and whether the newest plan sent before does not arrive.
     """
     first, n = run.states.first_time_step, run.states.n_steps
     is_link = (messages.service == SERVICES.index("mcm")) & (messages.receiver_id >= 0)

@@ -15,13 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 _PLACES = {measure.name: place for place, measure in enumerate(MEASURES)}
 

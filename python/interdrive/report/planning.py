@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Ints = NDArray[np.int64]
+    from interdrive.array_types import Ints
 
 
 def made_at(steps: Ints, lengths: Ints, replan_every: int) -> Ints:

@@ -13,10 +13,9 @@ from interdrive.scenario.native import core_road, core_scenario
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Floats
     from interdrive.report.packing import Packer
     from interdrive.scenario import Scenario
-
-    Floats = NDArray[np.float64]
 
 #: Signs, as codes of the page: what they are worth straight on is 1, 2, or more than 3.
 STOP, GIVE_WAY, PRIORITY = range(3)

@@ -14,13 +14,10 @@ from interdrive.run import PLAN_STATUS
 from interdrive.scenario.control import shown_at_lines
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.report.packing import Packer
     from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
-
-    Floats = NDArray[np.float64]
 
 #: Resolutions: positions [m], headings [rad], speeds [m/s] and accelerations [m/s²].
 _METRE, _RADIAN, _SPEED = 0.01, 0.001, 0.01

@@ -5,19 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from interdrive.criticality import AgentHarm
-from interdrive.run.arrays import (
-    Agreements,
-    Messages,
-    Orders,
-    Outcomes,
-    Plans,
-    RecordedCandidates,
-    RecordedPredictions,
-    States,
-    Timings,
-    Views,
-    Violations,
-)
+from interdrive.run import arrays
 from interdrive.storage import Column, inserted
 
 if TYPE_CHECKING:
@@ -25,23 +13,23 @@ if TYPE_CHECKING:
 
 #: Columns of every table. A "label" is a text from a short list and stored as such (dictionary encoded).
 COLUMNS: Mapping[str, tuple[Column, ...]] = {
-    "outcomes": inserted(Outcomes.columns, AgentHarm.columns, before="message"),
-    "states": States.columns,
-    "plans": Plans.columns,
-    "views": Views.columns,
-    "predictions": RecordedPredictions.columns,
-    "candidates": RecordedCandidates.columns,
-    "violations": Violations.columns,
-    "orders": Orders.columns,
-    "messages": Messages.columns,
-    "agreements": Agreements.columns,
+    "outcomes": inserted(arrays.Outcomes.columns, AgentHarm.columns, before="message"),
+    "states": arrays.States.columns,
+    "plans": arrays.Plans.columns,
+    "views": arrays.Views.columns,
+    "predictions": arrays.RecordedPredictions.columns,
+    "candidates": arrays.RecordedCandidates.columns,
+    "violations": arrays.Violations.columns,
+    "orders": arrays.Orders.columns,
+    "messages": arrays.Messages.columns,
+    "agreements": arrays.Agreements.columns,
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
         Column("x", "number", "of the point", "m"),
         Column("y", "number", "of the point", "m"),
     ),
-    "timing": Timings.columns,
+    "timing": arrays.Timings.columns,
 }
 
 

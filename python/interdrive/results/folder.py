@@ -23,17 +23,8 @@ if TYPE_CHECKING:
 
 #: Other files of a run folder; a folder with any further file is never replaced.
 _OTHER_FILES = (
-    *(
-        "run.json",
-        "scenario.xml",
-        "run.png",
-        "run.pdf",
-        "run.svg",
-        "run.gif",
-        "run.mp4",
-        "agent_view.png",
-        "report.html",
-    ),
+    *("run.json", "scenario.xml", "run.png", "run.pdf", "run.svg", "run.gif", "run.mp4", "report.html"),
+    "agent_view.png",  # of older versions
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
     "score.parquet",
     "solution.xml",

@@ -137,7 +137,7 @@ def information(run: RunRecord) -> RunInformation:
     }
 
 
-#: Choices of a run that nobody made.
+#: Choices of a run that were left to their defaults.
 _USUAL = {"agents": "all", "planner": "frenet", "predictor": "neural", "seed": 0}
 
 

@@ -32,14 +32,11 @@ from interdrive.storage import Record
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Ints
     from interdrive.results.folder import Results
     from interdrive.results.information import RunInformation
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
-
-    Ints = NDArray[np.int64]
 
 Part = TypeVar("Part", bound=RunRecord)
 Rows = TypeVar("Rows", bound=Record)

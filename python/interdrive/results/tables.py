@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Ints
     from interdrive.run import RunRecord
     from interdrive.run.arrays import Tabular
-
-    Ints = NDArray[np.int64]
 
 
 def outcome_table(run: RunRecord) -> pa.Table:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    Ints = NDArray[np.int64]
     Columns = Mapping[str, Any]
+    from interdrive.array_types import Ints
 
 #: Columns by which rows are sorted; no two rows have the same values in them.
 ORDER: Mapping[str, Sequence[str]] = {

@@ -11,21 +11,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from interdrive.run.rules import RULES, VIOLATIONS
 from interdrive.scenario import KINDS
-from interdrive.storage import Column, Record, as_pandas, as_polars, integer, label, number, text, truth
+from interdrive.storage import Column, Record, Tabled, integer, label, number, text, truth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-    import pandas as pd
-    import polars as pl
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.storage import ArrowTable
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Outcomes of agents, in the order of tables.
 OUTCOMES = (
@@ -63,7 +55,7 @@ _TIME = Column("time_s", "number", "the same in seconds", "s")
 _BEYOND_END = "beyond its end"
 
 
-class Tabular(Record):
+class Tabular(Record, Tabled):
     """Arrays of a run that its folder stores as a table; `interdrive.Run` says how they become one."""
 
     _as_table: Callable[[], ArrowTable] | None = None
@@ -84,22 +76,6 @@ class Tabular(Record):
         if self._as_table is None:
             raise TypeError(f"{type(self).__name__} that belong to no run have no table")
         return self._as_table()
-
-    def to_pandas(self) -> pd.DataFrame:
-        """The table that the run folder stores, as a pandas data frame.
-
-        Raises:
-            MissingExtraError: pandas is not installed.
-        """
-        return as_pandas(self.to_arrow())
-
-    def to_polars(self) -> pl.DataFrame:
-        """The table that the run folder stores, as a polars data frame.
-
-        Raises:
-            MissingExtraError: polars is not installed.
-        """
-        return as_polars(self.to_arrow())
 
 
 @dataclass(frozen=True, repr=False)
@@ -307,7 +283,7 @@ class Violations(Tabular):
         metadata=integer("lanelet below the vehicle, of the line, or into the area", null="there is none")
     )
     partner_id: Ints = field(
-        metadata=integer("participant whose right of way it took", null="the rule is about nobody else")
+        metadata=integer("participant whose right of way it took", null="the rule is about no other participant")
     )
     x: Floats = field(metadata=number("centre of the vehicle at the first time step", "m"))
     y: Floats = field(metadata=number("centre of the vehicle at the first time step", "m"))
@@ -331,7 +307,7 @@ class Orders(Tabular):
     last_time_step: Ints = field(metadata=integer("last time step of the order, included"))
     kind: tuple[str, ...] = field(
         metadata=label(
-            "yield, exit (no room behind it), queue (behind one that waits), follow (enter after another), crosswalk",
+            "yield, exit (no room behind it), queue (a vehicle ahead waits), follow (enter after another), crosswalk",
             ORDERS[1:],
         )
     )

@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.run.arrays import States
-
-    Floats = NDArray[np.float64]
 
 #: Halvings of the last step in the search for the moment of contact.
 _HALVINGS = 20
@@ -37,8 +34,8 @@ class Contact:
 def contact_between(states: States, first: int, second: int, time_step: int, dt: float) -> Contact:
     """How two participants touched on the way to a time step.
 
-    Footprints count as the rectangles around them, poses between time steps as interpolated. The side of each is the
-    one that faces the other across the line that separates them best at the first moment of contact.
+    Footprints count as the rectangles around them, poses between time steps as interpolated. The side of each
+    faces the other across the line that separates them best at the first moment of contact.
 
     Args:
         states: States of all participants.

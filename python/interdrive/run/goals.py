@@ -13,13 +13,9 @@ from interdrive.run.phases import path_coordinates
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Ints
     from interdrive.run.record import AgentRecord, RunRecord
     from interdrive.scenario import GoalState
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Distance between the points of a path at which its entry to the goal area is looked for [m].
 _SPACING = 0.2

@@ -13,9 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from interdrive import _core
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
+    from interdrive.array_types import Floats, Ints
 
 #: Time between kept points [s].
 _SPACING = 0.5

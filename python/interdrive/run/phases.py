@@ -14,13 +14,9 @@ from interdrive.scenario import SIGNALS
 from interdrive.scenario.control import shown_together
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.run.record import AgentRecord, RunRecord
     from interdrive.scenario import StopLine
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 PhaseKind: TypeAlias = Literal["driving", "slowing", "standing", "emergency braking"]
 

@@ -13,14 +13,10 @@ from interdrive.run.goals import approach, inside, said_time
 from interdrive.run.phases import emergency_steps, phases
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.run.contact import Contact
     from interdrive.run.phases import Phase
     from interdrive.run.record import AgentRecord, RunRecord
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: So begins what the core says of agents that end because nothing moves any more.
 STANDSTILL = "nothing moved any more"

@@ -8,25 +8,9 @@ from typing import TYPE_CHECKING, TypeAlias, TypedDict
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from interdrive.run.arrays import (
-        Agreements,
-        Messages,
-        Orders,
-        Outcomes,
-        Plans,
-        RecordedCandidates,
-        RecordedPredictions,
-        States,
-        Timings,
-        Views,
-        Violations,
-    )
+    from interdrive.array_types import Floats
+    from interdrive.run import arrays
     from interdrive.scenario import GoalState, Scenario, Shape
-
-    Floats = NDArray[np.float64]
 
 #: A value of a JSON document.
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
@@ -126,18 +110,18 @@ class RunRecord:
     scenario: Scenario
     settings: RunSettings
     agents: tuple[AgentRecord, ...]
-    outcomes: Outcomes
-    states: States
-    plans: Plans
-    timings: Timings
+    outcomes: arrays.Outcomes
+    states: arrays.States
+    plans: arrays.Plans
+    timings: arrays.Timings
     notes: tuple[str, ...]
     digest: str
     finished: bool = True
-    views: Views | None = None
-    predictions: RecordedPredictions | None = None
-    candidates: RecordedCandidates | None = None
-    violations: Violations | None = None
-    orders: Orders | None = None
-    messages: Messages | None = None
-    agreements: Agreements | None = None
+    views: arrays.Views | None = None
+    predictions: arrays.RecordedPredictions | None = None
+    candidates: arrays.RecordedCandidates | None = None
+    violations: arrays.Violations | None = None
+    orders: arrays.Orders | None = None
+    messages: arrays.Messages | None = None
+    agreements: arrays.Agreements | None = None
     cooperation: Mapping[str, Json] | None = None

@@ -1,6 +1,6 @@
 """The input as arrays: roads, recorded traffic, planning problems; limits, inspection, choice of agents."""
 
-from interdrive.scenario.control import SIGNALS, Priorities, Signal, StopLine, TrafficLight, Way
+from interdrive.scenario.control import SIGNALS, Priorities, Signal, StopLine, TrafficLight, Turn
 from interdrive.scenario.model import (
     KINDS,
     STATE_FIELDS,
@@ -30,5 +30,12 @@ __all__ = [
     "Signal",
     "StopLine",
     "TrafficLight",
-    "Way",
+    "Turn",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Tells the new name of what has been renamed."""
+    if name == "Way":
+        raise ImportError("interdrive.scenario.Way is now called interdrive.scenario.Turn", name=name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -322,8 +322,8 @@ def _proposals(
 def _driven(scenario: Scenario) -> dict[int, tuple[int, str]]:
     """By planning problem the row of the recorded vehicle that it drives, if it has one, and where both are one.
 
-    A vehicle belongs to one problem: first to one that starts where it is at that time, then to one that states what it
-    has at its first time step, which is later; files that are cut or converted have such. The best match counts.
+    A vehicle belongs to one problem: first to a problem that starts where it is at that time, then to a problem that
+    states what it has at its first time step, which is later in files that are cut or converted. The best match counts.
     """
     problems = [problem for problem in scenario.planning_problems if problem.goal]
     found: dict[int, tuple[int, str]] = {}

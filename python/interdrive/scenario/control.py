@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 #: What a traffic light shows; red and yellow together count as red.
 Signal: TypeAlias = Literal["dark", "green", "yellow", "red"]
 
-#: A way across a junction.
-Way: TypeAlias = Literal["left", "straight", "right"]
+#: How a lanelet leads across a junction.
+Turn: TypeAlias = Literal["left", "straight", "right"]
 
-#: All ways; the position is the code that crosses the boundary to the core.
-WAYS: tuple[Way, ...] = ("left", "straight", "right")
+#: All turns; the position is the code that crosses the boundary to the core.
+TURNS: tuple[Turn, ...] = ("left", "straight", "right")
 
 #: All signals; the position is the code that crosses the boundary to the core.
 SIGNALS: tuple[Signal, ...] = ("dark", "green", "yellow", "red")
@@ -38,14 +38,14 @@ class TrafficLight:
         id: Its id.
         phases: Signal and length in time steps of each phase; empty if it is switched off.
         offset: Time step at which the cycle begins.
-        directions: Ways for which it counts: "left", "straight", "right".
+        directions: Turns for which it counts.
         position: Where it stands [m]; None if the file does not say.
     """
 
     id: int
     phases: tuple[tuple[Signal, int], ...]
     offset: int = 0
-    directions: frozenset[str] = frozenset(("left", "straight", "right"))
+    directions: frozenset[str] = frozenset(TURNS)
     position: tuple[float, float] | None = None
 
     def signals(self, n_steps: int) -> NDArray[np.int64]:
@@ -89,16 +89,16 @@ class Priorities:
     """What a file says about priority at junctions.
 
     Attributes:
-        turns: Lanelets that lead across a junction, and "left", "straight" or "right", where the file states it.
+        turns: Lanelets that lead across a junction, and their turn, where the file states it.
         ranks: Lanelets that lead to a junction and have a sign, and what it is worth for a turn to the left, straight
             on and to the right: 1 (stop), 2 (give way), 4 or 5 (priority); without a sign it would be 3.
         minor: Lanelets from which others are entered with care: driveways, ramps, bus stops, shoulders.
         left_hand: Vehicles drive on the left.
-        priority_side: Without any sign, who comes from there goes first.
+        priority_side: Without any sign, vehicles from this side go first.
         derives_main_road: At a T without signs the road that goes on is the main road.
     """
 
-    turns: tuple[tuple[int, Way], ...] = ()
+    turns: tuple[tuple[int, Turn], ...] = ()
     ranks: tuple[tuple[int, tuple[int, int, int]], ...] = ()
     minor: tuple[int, ...] = ()
     left_hand: bool = False

@@ -16,11 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.scenario.model import GoalState, Lanelets, PlanningProblem, Scenario
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Kinds of recorded obstacles that a planner can drive.
 DRIVABLE_KINDS = ("car", "truck", "bus", "motorcycle", "bicycle", "taxi", "priority_vehicle")

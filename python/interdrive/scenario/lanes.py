@@ -43,8 +43,8 @@ Side = Literal["left", "right"]
 def lane_users(lanelets: Lanelets) -> list[frozenset[str]]:
     """Kinds of participants (`KINDS`) for which each lanelet is a lane.
 
-    A lanelet of several types is a lane for those whom all of them admit. A crosswalk between two lanes is a piece of
-    road that people cross, and for everybody. Where no lanelet of a map is a lane for a kind, types and users do not
+    A lanelet of several types is a lane for the kinds that all of them admit. A crosswalk between two lanes is a piece
+    of road that people cross, and for everybody. Where no lanelet of a map is a lane for a kind, types and users do not
     count for it.
     """
     users = lanelets.users or ((),) * len(lanelets.ids)

@@ -18,12 +18,9 @@ from interdrive.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.scenario.model import Lanelets, Obstacles, PlanningProblem, Scenario
     from interdrive.scenario.shape import Shape
-
-    Floats = NDArray[np.float64]
 
 #: Ids beyond this are not exact in JSON and in the report.
 LARGEST_ID = 2**53 - 1

@@ -11,11 +11,8 @@ from interdrive.scenario.lanes import lane_users
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats
     from interdrive.scenario.model import Lanelets
-
-    Floats = NDArray[np.float64]
 
 #: Ends of linked lanelets that are farther apart than this do not meet [m].
 _GAP_MIN = 0.1

@@ -13,14 +13,9 @@ from interdrive.scenario.shape import centred
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.scenario.control import StopLine, TrafficLight
     from interdrive.scenario.shape import Shape
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 
 def _freeze(instance: object) -> None:

@@ -6,16 +6,16 @@ import math
 import os
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
-from interdrive.scenario.control import CLOSED, SIGNALS, WAYS
+from interdrive.scenario.control import CLOSED, SIGNALS, TURNS
 from interdrive.scenario.lanes import lane_users
-from interdrive.scenario.model import KINDS
+from interdrive.scenario.model import KINDS, STATE_FIELDS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -136,22 +136,20 @@ def _storeys(lanelets: Lanelets) -> list[tuple[int, NDArray[np.float64], NDArray
 def core_scenario(scenario: Scenario, road: _core.RoadNetwork) -> _core.Scenario:
     """The core's scenario: road and recorded traffic."""
     o: Obstacles = scenario.obstacles
+    tables: dict[str, Any] = {name: np.ascontiguousarray(getattr(o, name), dtype=np.float64) for name in STATE_FIELDS}
     with _naming(scenario):
         return _core.Scenario(
             scenario.dt,
             road,
-            o.ids.tolist(),
+            _core.Participants(
+                o.ids.tolist(),
+                [_footprint(number, shape) for number, shape in zip(o.ids.tolist(), o.shapes, strict=True)],
+                o.is_static.tolist(),
+                0,
+                valid=np.ascontiguousarray(o.valid),
+                **tables,
+            ),
             [KINDS.index(kind) for kind in o.kinds],
-            [_footprint(number, shape) for number, shape in zip(o.ids.tolist(), o.shapes, strict=True)],
-            o.is_static.tolist(),
-            0,
-            np.ascontiguousarray(o.x, dtype=np.float64),
-            np.ascontiguousarray(o.y, dtype=np.float64),
-            np.ascontiguousarray(o.orientation, dtype=np.float64),
-            np.ascontiguousarray(o.velocity, dtype=np.float64),
-            np.ascontiguousarray(o.acceleration, dtype=np.float64),
-            np.ascontiguousarray(o.yaw_rate, dtype=np.float64),
-            np.ascontiguousarray(o.valid),
             [
                 (light.id, light.offset, [(length, SIGNALS.index(signal)) for signal, length in light.phases])
                 for light in scenario.traffic_lights
@@ -176,7 +174,7 @@ def _priorities(
 ) -> tuple[list[tuple[int, int]], list[tuple[int, tuple[int, int, int]]], list[int], bool, int, bool]:
     found = scenario.priorities
     return (
-        [(number, WAYS.index(way)) for number, way in found.turns],
+        [(number, TURNS.index(turn)) for number, turn in found.turns],
         list(found.ranks),
         list(found.minor),
         found.left_hand,

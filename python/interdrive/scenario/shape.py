@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from interdrive.array_types import Floats
 
 #: A footprint whose centre is nearer to its state's position than this is there [m]; digits are cut in files.
 _AT_POSITION = 1e-3

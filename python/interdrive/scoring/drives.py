@@ -11,20 +11,16 @@ from interdrive import _core
 from interdrive.criticality.source import traffic_of
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario import KINDS
-from interdrive.scenario.native import core_road, core_shape
+from interdrive.scenario.native import core_road
 from interdrive.scoring.terms import Motion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.criticality.source import RecordedRun
     from interdrive.run import States
     from interdrive.scenario import Obstacles, Scenario
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Lanelets cross that overlap by more than this [m²] once they are eroded by this [m]; as in `interdrive.criticality`.
 _EROSION, _OVERLAP_MIN = 0.3, 0.1
@@ -76,22 +72,7 @@ def site_of(run: RecordedRun, settings: Mapping[str, Any]) -> Site:
 
 def traffic(site: Site, source: Scenario | RecordedRun) -> _core.Traffic:
     """Traffic as simulated or recorded, in the core."""
-    given = traffic_of(source)
-    return _core.Traffic(
-        site.scenario.dt,
-        site.road,
-        site.crossing,
-        given.ids.tolist(),
-        [core_shape(shape) for shape in given.shapes],
-        given.is_static.tolist(),
-        given.first_time_step,
-        given.x,
-        given.y,
-        given.orientation,
-        given.velocity,
-        given.acceleration,
-        np.ascontiguousarray(given.valid),
-    )
+    return _core.Traffic(site.scenario.dt, site.road, traffic_of(source).in_core, site.crossing)
 
 
 def _axle(obstacles: Obstacles, number: int) -> float:

@@ -30,16 +30,11 @@ from interdrive.storage import Origin, changed_settings
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.run import AgentRecord, RunRecord
     from interdrive.scoring.drives import Site
     from interdrive.scoring.faults import Verdict
     from interdrive.scoring.terms import Motion
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: Terms with weights, and what they are called in words.
 TERMS = {"progress": "progress", "ttc": "time to contact straight on", "speed": "speed limit", "comfort": "comfort"}

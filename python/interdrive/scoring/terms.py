@@ -12,12 +12,8 @@ from interdrive.run.goals import said_seconds
 from interdrive.scoring.smoothing import smoothed
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Floats, Ints
     from interdrive.scoring.settings import ComfortBounds
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: Windows of the filters: of accelerations; of jerk, yaw rate and its change.
 ACCELERATION_WINDOW, CHANGE_WINDOW = 7, 15

@@ -21,7 +21,7 @@ from interdrive.storage.columns import (
     without,
 )
 from interdrive.storage.folders import FolderKind, check_folder, claimed, claimed_new, keep_inputs, whole_folder
-from interdrive.storage.frames import as_pandas, as_polars
+from interdrive.storage.frames import Tabled
 from interdrive.storage.origin import Origin, changed_settings, is_of, origin_of, units_of
 from interdrive.storage.reading import read_json
 from interdrive.storage.records import Record
@@ -52,10 +52,9 @@ __all__ = [
     "FolderKind",
     "Origin",
     "Record",
+    "Tabled",
     "absent_where",
     "arrow_table",
-    "as_pandas",
-    "as_polars",
     "changed_settings",
     "check_folder",
     "check_order",

@@ -1,4 +1,4 @@
-"""Arrow tables as data frames of libraries that need not be installed."""
+"""Tables as data frames of other libraries."""
 
 from __future__ import annotations
 
@@ -10,31 +10,38 @@ from interdrive.errors import MissingExtraError
 if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
-    import pyarrow as pa
+
+    from interdrive.storage.tables import ArrowTable
 
 
-def as_pandas(table: pa.Table) -> pd.DataFrame:
-    """A table as a pandas data frame.
+class Tabled:
+    """What can become a table."""
 
-    Raises:
-        MissingExtraError: pandas is not installed.
-    """
-    if importlib.util.find_spec("pandas") is None:
-        raise MissingExtraError("to_pandas needs pandas: pip install interdrive[pandas]")
-    frame: pd.DataFrame = table.to_pandas()
-    return frame
+    def to_arrow(self) -> ArrowTable:
+        """As an Arrow table."""
+        raise NotImplementedError
 
+    def to_pandas(self) -> pd.DataFrame:
+        """The table of `to_arrow` as a pandas data frame.
 
-def as_polars(table: pa.Table) -> pl.DataFrame:
-    """A table as a polars data frame.
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        if importlib.util.find_spec("pandas") is None:
+            raise MissingExtraError("to_pandas needs pandas: pip install interdrive[pandas]")
+        frame: pd.DataFrame = self.to_arrow().to_pandas()
+        return frame
 
-    Raises:
-        MissingExtraError: polars is not installed.
-    """
-    try:
-        import polars  # noqa: PLC0415 - optional
-    except ImportError:
-        raise MissingExtraError("to_polars needs polars: pip install polars") from None
-    frame = polars.from_arrow(table)
-    assert isinstance(frame, polars.DataFrame)
-    return frame
+    def to_polars(self) -> pl.DataFrame:
+        """The table of `to_arrow` as a polars data frame.
+
+        Raises:
+            MissingExtraError: polars is not installed.
+        """
+        try:
+            import polars  # noqa: PLC0415 - optional
+        except ImportError:
+            raise MissingExtraError("to_polars needs polars: pip install polars") from None
+        frame = polars.from_arrow(self.to_arrow())
+        assert isinstance(frame, polars.DataFrame)
+        return frame

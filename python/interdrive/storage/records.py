@@ -25,8 +25,8 @@ class Record:
 
         impact_speed: Floats = field(metadata=number("relative speed at a collision", "m/s", null="no collision"))
 
-    An attribute that is a `Column` and no field is a column without array: who makes the table computes it. The order
-    is that of the table. What the fields declare is added to the docstring of the class.
+    An attribute that is a `Column` and no field is a column without array: it is computed when the table is made. The
+    order is that of the table. What the fields declare is added to the docstring of the class.
     """
 
     #: Columns of the table.

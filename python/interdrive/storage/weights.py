@@ -43,7 +43,7 @@ def digest(tensors: Mapping[str, NDArray[np.float32]]) -> str:
 
 def write_weights(path: Path, tensors: Mapping[str, NDArray[np.float32]], metadata: Mapping[str, str]) -> None:
     """Writes a safetensors file."""
-    from safetensors.numpy import save_file  # noqa: PLC0415 - for those that write
+    from safetensors.numpy import save_file  # noqa: PLC0415 - only writing needs it
 
     save_file(dict(tensors), path, metadata=dict(metadata))
 

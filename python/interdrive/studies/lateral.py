@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from interdrive.array_types import Floats
 
 
 def lateral_offsets(path: Floats, points: Floats) -> Floats:

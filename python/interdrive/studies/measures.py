@@ -15,12 +15,9 @@ from interdrive.storage import Column
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from interdrive import _core
+    from interdrive.array_types import Floats
     from interdrive.runs import Run
-
-    Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-//! Whose fault a contact is: by who entered whose way, and how much room that left to react. Definitions:
+//! Whose fault a contact is: which of both entered the other one's way, and how much room that left to react. Definitions:
 //! docs/reference/scoring.md.
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -293,7 +293,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
             return verdict(FaultKind::WrongSide, None);
         }
         // Where lanelets cross, a turn may cross an oncoming way although both are on lanelets that lead their way:
-        // then the one that turns is judged.
+        // then the turning vehicle is judged.
         let steps = (TURN_TIME / pair.traffic.dt).round() as usize;
         if !is_crossing || agent.turned(steps) <= other.turned(steps) {
             return verdict(FaultKind::None, None);

@@ -189,7 +189,7 @@ impl<'a> Conflicts<'a> {
                 }
             }
         }
-        // A value counts before one that is not known.
+        // A known value counts before an unknown one.
         let replace = |value: &mut Decisive, unknown: Option<Decisive>| {
             if let (true, Some(unknown)) = (value.value == f64::INFINITY, unknown) {
                 *value = unknown;

@@ -56,7 +56,7 @@ impl Measure {
         (Self::Msd, "msd"),
     ];
 
-    /// Measures that follow from who is ahead on the paths.
+    /// Measures of the vehicle ahead on the paths.
     pub const FOLLOWING: [Self; 7] =
         [Self::Hw, Self::Thw, Self::Ttc, Self::ALongReq, Self::Btn, Self::ALatReq, Self::Stn];
 

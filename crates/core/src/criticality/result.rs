@@ -67,8 +67,8 @@ pub struct Criticality {
     pub n_steps: usize,
     /// One per [`Measure`].
     pub series: Vec<Series>,
-    /// One per entry of [`Measure::FOLLOWING`]: only who is in the way of the judged participant counts. By these pairs
-    /// are ranked.
+    /// One per entry of [`Measure::FOLLOWING`]: only participants in the way of the judged one count. Pairs are
+    /// ranked by these.
     pub in_the_way: Vec<Series>,
     /// Per measure and judged participant.
     pub extremes: Vec<Vec<Extreme>>,

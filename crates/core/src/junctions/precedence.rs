@@ -22,9 +22,20 @@ const STRAIGHTER_ANGLE: f64 = 0.02;
 /// A turn that is smaller by this goes first [rad].
 const TURN_STEP: f64 = 20.0 / 180.0 * PI;
 
+/// Decides for each area which side goes first, and why.
+pub(super) fn decide_all(found: &mut Junctions, road: &RoadNetwork, control: &Control) {
+    let of_area = |area: &Area| area.sides.map(|side| Approach::of(found, road, control, side));
+    let approaches: Vec<[Approach; 2]> = found.areas.iter().map(of_area).collect();
+    let arrivals = arrivals(found, &approaches);
+    for (area, both) in found.areas.iter_mut().zip(&approaches) {
+        area.is_side_by_side = area.kind == AreaKind::Merge && come_from_the_same_side(both);
+        (area.first, area.reason) = decide(area, both, &arrivals[area.junction], (road, control));
+    }
+}
+
 /// How a way comes to an area.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Approach {
+struct Approach {
     /// Direction of arrival [rad].
     heading: f64,
     /// Change of heading over the junction [rad].
@@ -41,7 +52,7 @@ pub(super) struct Approach {
 
 impl Approach {
     /// Of the way over one side of an area.
-    pub(super) fn of(found: &Junctions, road: &RoadNetwork, control: &Control, side: Side) -> Self {
+    fn of(found: &Junctions, road: &RoadNetwork, control: &Control, side: Side) -> Self {
         let lanelets = road.lanelets();
         let (mut inside, mut before) = (vec![side.lanelet], None);
         let mut entry = side.entry;
@@ -101,14 +112,14 @@ fn chord(road: &RoadNetwork, lanelet: usize, from: f64, to: f64) -> f64 {
 
 /// All ways that arrive at a junction.
 #[derive(Debug, Clone)]
-pub(super) struct Arrivals {
+struct Arrivals {
     headings: Vec<f64>,
     /// Each of them has a stop sign.
     all_stop: bool,
 }
 
 /// The arrivals of every junction.
-pub(super) fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<Arrivals> {
+fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<Arrivals> {
     let mut arrivals = vec![Arrivals { headings: Vec::new(), all_stop: true }; found.n_junctions];
     for (area, both) in found.areas.iter().zip(approaches) {
         let here = &mut arrivals[area.junction];
@@ -119,12 +130,12 @@ pub(super) fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<A
 }
 
 /// Both ways arrive in about the same direction.
-pub(super) fn come_from_the_same_side([a, b]: &[Approach; 2]) -> bool {
+fn come_from_the_same_side([a, b]: &[Approach; 2]) -> bool {
     wrap_angle(b.heading - a.heading).abs() <= SAME_SIDE
 }
 
 /// The side that goes first, and why: the first rule that tells.
-pub(super) fn decide(
+fn decide(
     area: &Area,
     [a, b]: &[Approach; 2],
     arrivals: &Arrivals,

@@ -8,7 +8,7 @@ use crate::barrier::Barrier;
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::predict::completed;
-use crate::rules::Course;
+use crate::right_of_way::{Course, Zone};
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
@@ -48,8 +48,10 @@ impl World {
             let Agent { route, vehicle, .. } = &*drive.agent;
             let map = (&*self.scenario.road, junctions);
             let course = Course::along(route, map, &drive.way.limits, vehicle);
-            drive.crossings =
-                course.crossings().map(|(area, side, entry, exit)| Crossing { area, side, entry, exit }).collect();
+            drive.crossings = course
+                .zones()
+                .map(|&Zone { area, side, entry, exit, .. }| Crossing { area, side, entry, exit })
+                .collect();
             drive.crossings.sort_by_key(|crossing| (crossing.area, crossing.side));
             drive.crossings.dedup_by_key(|crossing| crossing.area);
         }
@@ -61,7 +63,7 @@ impl World {
         self.network.as_deref().map_or(&[], Network::ids)
     }
 
-    /// What was sent and received so far; `None` if no agent has V2X.
+    /// What was sent and received until now; `None` if no agent has V2X.
     pub fn messages(&self) -> Option<&Log> {
         self.network.as_deref().map(Network::log)
     }
@@ -149,7 +151,7 @@ impl World {
         self.network = Some(network);
     }
 
-    /// Stretches in which agents held for others, so far.
+    /// Stretches in which agents have held for others.
     pub fn agreements(&self) -> &[Agreement] {
         self.network.as_deref().map_or(&[], Network::agreements)
     }

@@ -7,10 +7,10 @@ use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
+use crate::recording::Entry;
+use crate::right_of_way::{Body, Course, Memory, Order, Place, Reservation, Traffic, Traveller, Yielding, Zone};
 use crate::road::{LaneMatch, RoadNetwork};
-use crate::rules::{
-    Body, Course, Meeting, Memory, Order, Place, Reservation, RulesSettings, Traveller, Turning, Way, Yielding,
-};
+use crate::rules::{RulesSettings, Turning, Way};
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::Predictions;
@@ -38,7 +38,7 @@ fn obeys(planner: &Planner, rules: &RulesSettings) -> bool {
     rules.enabled && rules.precedence && (planner.heeds_barriers() || *planner == Planner::External)
 }
 
-/// What arbitration knows about the way of an agent; empty if it does not obey.
+/// The conflict zones on the way of an agent; empty if it does not obey.
 pub(super) fn course(agent: &Agent, scenario: &Scenario, way: &Way) -> Course {
     if !obeys(&agent.planner, &agent.rules) {
         return Course::default();
@@ -187,16 +187,9 @@ impl World {
                 })
             })
             .collect();
-        let junctions = self.scenario.junctions();
-        let meeting = Meeting {
-            time_step: self.time_step,
-            dt: self.scenario.dt,
-            junctions,
-            bodies: &bodies,
-            travellers: &travellers,
-            visits: &visits,
-        };
-        meeting.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
+        let (time_step, dt) = (self.time_step, self.scenario.dt);
+        let traffic = Traffic { time_step, dt, bodies: &bodies, travellers: &travellers, visits: &visits };
+        traffic.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
     }
 
     /// Arc length of the stop line that holds an agent [m].
@@ -252,23 +245,15 @@ impl World {
                         true => Yielding::IfTrusted,
                         false => Yielding::No,
                     };
-                    let known = visits.iter().position(|known| (known.body, known.area) == (body, index));
+                    let known = visits.iter().position(|known| (known.body, known.zone.area) == (body, index));
                     if known.is_some_and(|known| yielding >= visits[known].yielding) {
                         continue;
                     }
                     let enter = if is_inside { 0.0 } else { entry / velocity };
                     let leave =
                         if velocity < STATIONARY_SPEED { LEAVING } else { (exit + length) / (SLOWER * velocity) };
-                    let visit = Reservation {
-                        area: index,
-                        side,
-                        enter,
-                        earliest: enter,
-                        leave,
-                        body,
-                        is_request: false,
-                        yielding,
-                    };
+                    let zone = Zone::of((index, area), side, (entry, exit));
+                    let visit = Reservation { zone, enter, earliest: enter, leave, body, is_request: false, yielding };
                     match known {
                         Some(known) => visits[known] = visit,
                         None => visits.push(visit),
@@ -279,12 +264,15 @@ impl World {
         }
     }
 
-    /// Agents remember the orders that they had, and how long they have stood.
+    /// Agents remember the orders that they had, and how long they have stood; what they entered is recorded.
     pub(super) fn remember(&mut self, orders: &[Order]) {
         for drive in &mut self.drives {
             let order = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok();
             let Some(state) = self.states[drive.row] else { continue };
             let kept = order.map_or_else(Memory::default, |place| orders[place].memory);
+            if self.settings.keep_recording && kept.has_entered {
+                self.recording.push_entries(drive.entries(&kept, self.time_step));
+            }
             let standing = if state.velocity.abs() < STANDSTILL_SPEED { drive.memory.standing + 1 } else { 0 };
             drive.memory = Memory { standing, ..kept };
         }
@@ -295,6 +283,19 @@ impl Drive {
     /// Its lanelets are those of its route.
     fn keeps_to_its_path(&self) -> bool {
         !matches!(self.agent.planner, Planner::IdmMobil(_))
+    }
+
+    /// What it has just entered, as it remembers now.
+    fn entries<'a>(&'a self, now: &Memory, time_step: i64) -> impl Iterator<Item = Entry> + use<'a> {
+        let before = self.memory;
+        let first = self.course.first_passage(self.front() - self.agent.vehicle.length);
+        let first = first.max(before.passage + usize::from(before.has_entered));
+        let new = self.course.passages.iter().enumerate().take(now.passage + 1).skip(first);
+        new.flat_map(move |(number, passage)| {
+            let granted = number != before.passage || before.granted != Some(false);
+            let areas = passage.zones.iter().map(|zone| zone.area as i64);
+            areas.map(move |area| Entry { agent: self.agent.id, area, time_step, granted })
+        })
     }
 
     /// Where its front and its rear are.

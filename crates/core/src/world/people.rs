@@ -7,7 +7,8 @@ use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
-use crate::rules::{Crosswalk, OrderKind, Person, reach};
+use crate::right_of_way::{OrderKind, reach};
+use crate::rules::{Crosswalk, Person};
 use crate::scene::{Participants, Scene};
 use crate::vehicle::ParticipantKind;
 

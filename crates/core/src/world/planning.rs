@@ -61,7 +61,7 @@ impl World {
     /// All that an agent's plan is chosen from; `None` if its planner does not choose.
     ///
     /// # Errors
-    /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if nobody has predicted.
+    /// `UnknownId`, `WrongTimeStep`; `InvalidInput` if the step has no predictions.
     pub fn candidates(&self, id: i64, step: &Step) -> Result<Option<Candidates>> {
         let (scene, expected) = (&*step.scene, step.expected()?);
         self.check_time_step("scene", scene.time_step)?;

@@ -10,7 +10,8 @@ use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_ste
 use crate::plan::Prepared;
 use crate::predict;
 use crate::recording::{Outcome, Recording};
-use crate::rules::{Course, LineMemory, Memory, Way};
+use crate::right_of_way::{Course, Memory};
+use crate::rules::{LineMemory, Way};
 use crate::scenario::Scenario;
 use crate::scene::{Participants, Storeys};
 

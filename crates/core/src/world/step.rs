@@ -77,12 +77,12 @@ impl Step {
     /// What is expected.
     ///
     /// # Errors
-    /// `InvalidInput` if nobody has predicted.
+    /// `InvalidInput` if the step has no predictions.
     pub fn expected(&self) -> Result<&Expected> {
         self.expected.as_ref().ok_or_else(unpredicted)
     }
 
-    /// The predictions, if somebody has predicted.
+    /// The predictions, if there are any.
     pub fn predictions(&self) -> Option<&Predictions> {
         self.expected.as_ref().map(|expected| &*expected.predictions)
     }
@@ -90,7 +90,7 @@ impl Step {
     /// Plans of all agents with planners in the core; the rows of all others are left without a plan.
     ///
     /// # Errors
-    /// `InvalidInput` if nobody has predicted, or for another world; `WrongTimeStep` if the step is over.
+    /// `InvalidInput` without predictions, or for another world; `WrongTimeStep` if the step is over.
     pub fn plan(&mut self, world: &World) -> Result<()> {
         let expected = self.expected.as_ref().ok_or_else(unpredicted)?;
         world.plan(&self.scene, expected, &mut self.plans)
@@ -98,5 +98,5 @@ impl Step {
 }
 
 fn unpredicted() -> Error {
-    Error::invalid("nobody has predicted in this step")
+    Error::invalid("this step has no predictions")
 }

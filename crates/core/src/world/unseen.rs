@@ -6,7 +6,7 @@ use crate::control::Signal;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::junctions::{AreaKind, Side};
-use crate::rules::{Body, SPEED_MAX, Unseen, reach};
+use crate::right_of_way::{Body, SPEED_MAX, Zone, reach};
 use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
 
@@ -49,7 +49,7 @@ impl World {
         goes_last: bool,
         seen: &dyn Fn(usize) -> bool,
         (bodies, rows): (&[Body], &[usize]),
-    ) -> Vec<Unseen> {
+    ) -> Vec<(usize, f64)> {
         let (participants, view) = (&scene.participants, &drive.agent.view);
         let may_hide =
             |row: usize| participants.is_static[row] || participants.kind[row] == ParticipantKind::ParkedVehicle;
@@ -63,7 +63,7 @@ impl World {
             (0..bodies.len()).filter(|place| blocking(*place)).map(|place| &bodies[place]).collect();
         let look = Look { eye: state.pose().position, radius: view.sensor_radius, blocking: &blocking };
         let mut places = Vec::new();
-        for (area, side) in drive.course.areas_ahead(drive.front(), reach(state.velocity)) {
+        for &Zone { area, side, .. } in drive.course.zones_ahead(drive.front(), reach(state.velocity)) {
             let found = &self.scenario.junctions().areas[area];
             let goes_first = goes_last || found.first == Some(1 - side);
             if goes_first && found.kind != AreaKind::Opposed {
@@ -73,11 +73,11 @@ impl World {
         let car = Shape::rectangle(HIDDEN_LENGTH, HIDDEN_WIDTH);
         let all: Vec<_> = places.iter().map(|place| (&car, place.pose, false)).collect();
         let is_seen = scene.would_see(drive.row, view, &all, &may_hide);
-        let mut earliest: Vec<Unseen> = Vec::new();
+        let mut earliest: Vec<(usize, f64)> = Vec::new();
         for (place, _) in places.iter().zip(is_seen).filter(|(_, is_seen)| !is_seen) {
-            match earliest.iter_mut().find(|one| one.area == place.area) {
-                Some(one) => one.time = one.time.min(place.time),
-                None => earliest.push(Unseen { area: place.area, time: place.time }),
+            match earliest.iter_mut().find(|(area, _)| *area == place.area) {
+                Some((_, time)) => *time = time.min(place.time),
+                None => earliest.push((place.area, place.time)),
             }
         }
         earliest

@@ -10,8 +10,7 @@ from interdrive.run.arrays import Violations
 from interdrive.run.rules import VIOLATIONS
 from interdrive.run.violations.crosswalks import People, crosswalks, people, recorded_people
 from interdrive.run.violations.drives import Drives, Row, driven, recorded
-from interdrive.run.violations.grants import Grants
-from interdrive.run.violations.junction_rules import keep_clear, right_of_way, uses
+from interdrive.run.violations.junction_rules import Told, keep_clear, right_of_way, uses
 from interdrive.run.violations.lanes import lane_rules
 from interdrive.run.violations.lines import line_rules, passings
 from interdrive.run.violations.markings import has_closed_markings, solid_lines
@@ -19,7 +18,7 @@ from interdrive.run.violations.passing import Standing, recorded_standing, stand
 from interdrive.run.violations.ways import Ways
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Set
+    from collections.abc import Collection, Mapping, Set
 
     from interdrive import _core
     from interdrive.run.record import RunRecord
@@ -30,10 +29,16 @@ _KINDS: Mapping[str, type] = {
     **dict.fromkeys(("x", "y", "value"), np.float64),
 }
 
-__all__ = ["Grants", "violations"]
+__all__ = ["violations"]
 
 
-def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any], grants: Grants) -> Violations:
+def violations(
+    run: RunRecord,
+    road: _core.RoadNetwork,
+    areas: Mapping[str, Any],
+    obeying: Collection[int],
+    entries: Mapping[str, Any],
+) -> Violations:
     """All violations of a run, sorted by source, participant, rule and time.
 
     Cars, trucks, buses, motorcycles and taxis are judged, whichever planner drives them; of agents that replace a
@@ -43,14 +48,17 @@ def violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]
         run: The run; its violations are not read.
         road: Its road network.
         areas: What ways share, as `_core.Scenario.junctions` tells.
-        grants: Which agents enter junctions when they are told to, and when they were not.
+        obeying: Ids of the agents that enter junctions when they are told to.
+        entries: When they did, as `_core.World.entries` tells.
     """
     ended = run.outcomes
     pairs = [(int(i), int(j)) for i, j in zip(ended.agent_id, ended.partner_id, strict=True) if j >= 0]
     collisions = {*pairs, *((j, i) for i, j in pairs)}
-    rows = _broken(driven(run), standing(run, road), people(run), run, road, areas, collisions, grants)
+    entered = zip(*(entries[name].tolist() for name in ("agent_id", "area", "granted")), strict=True)
+    told = Told({*obeying}, {(agent, area) for agent, area, granted in entered if not granted})
+    rows = _broken(driven(run), standing(run, road), people(run), run, road, areas, collisions, told)
     still, walking = recorded_standing(run, road), recorded_people(run)
-    rows += _broken(recorded(run), still, walking, run, road, areas, set(), Grants({}, {}))
+    rows += _broken(recorded(run), still, walking, run, road, areas, set(), Told(set(), set()))
     rows.sort(key=lambda row: (Violations.SOURCES.index(row.source), row.participant_id, VIOLATIONS.index(row.rule)))
     return Violations(
         source=tuple(row.source for row in rows),
@@ -67,7 +75,7 @@ def _broken(
     road: _core.RoadNetwork,
     areas: Mapping[str, Any],
     collisions: Set[tuple[int, int]],
-    grants: Grants,
+    told: Told,
 ) -> list[Row]:
     """Rules that these broke, in the order of the rules for every vehicle."""
     if not drives.judged:
@@ -84,7 +92,7 @@ def _broken(
     ways = Ways(drives, lanelets, road, routes, collided)
     used = uses(drives, ways, areas)
     rows += right_of_way(drives, ways, areas, used, passed, collisions, road)
-    rows += keep_clear(drives, areas, used, grants, road)
+    rows += keep_clear(drives, areas, used, told, road)
     if has_lines:
         rows += solid_lines(drives, ways, lanelets, road)
     return rows

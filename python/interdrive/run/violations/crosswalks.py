@@ -9,9 +9,10 @@ import numpy as np
 
 if TYPE_CHECKING:
     from interdrive import _core
+    from interdrive.array_types import Floats, Ints
     from interdrive.run.arrays import States
     from interdrive.run.record import RunRecord
-    from interdrive.run.violations.drives import Drives, Floats, Ints, Row
+    from interdrive.run.violations.drives import Drives, Row
     from interdrive.scenario import Obstacles, Scenario
 
 #: A person is on the lane of a vehicle within this distance of its line [m] ...

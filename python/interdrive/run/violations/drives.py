@@ -11,13 +11,8 @@ import numpy as np
 from interdrive import _core
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.run.record import RunRecord
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 _VEHICLES = ("car", "truck", "bus", "motorcycle", "priority_vehicle", "taxi")
 _FIELDS = ("x", "y", "orientation", "velocity", "acceleration", "valid")

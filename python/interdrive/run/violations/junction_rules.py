@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.run.violations.drives import Drives, Row, stretches
-from interdrive.scenario.inspection import AREA_KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence, Set
 
-    from interdrive.run.violations.grants import Grants
     from interdrive.run.violations.lines import Passing
     from interdrive.run.violations.ways import Ways
 
@@ -28,8 +26,6 @@ HARDEST = 3.0
 LINE_REACH = 60.0
 #: Time of standing in an area after which it is blocked [s].
 BLOCKING_TIME = 3.0
-
-_OPPOSED = AREA_KINDS.index("opposed")
 
 
 @dataclass(frozen=True)
@@ -47,6 +43,22 @@ class Use:
     entry: float
     enters: float
     leaves: float
+
+
+class Told(NamedTuple):
+    """What agents were told about areas.
+
+    Attributes:
+        obeying: Ids of the agents that enter junctions when they are told to.
+        waiting: Those that entered an area although they had been told to wait, with its number.
+    """
+
+    obeying: Set[int]
+    waiting: Set[tuple[int, int]]
+
+    def to_enter(self, agent: int, area: int) -> bool:
+        """An agent that entered an area had been told to, or had never been told to wait for it."""
+        return agent in self.obeying and (agent, area) not in self.waiting
 
 
 def uses(drives: Drives, ways: Ways, areas: Mapping[str, Any]) -> list[tuple[list[Use], list[Use]]]:
@@ -209,7 +221,7 @@ def keep_clear(
     drives: Drives,
     areas: Mapping[str, Any],
     used: Sequence[tuple[list[Use], list[Use]]],
-    grants: Grants,
+    told: Told,
     road: _core.RoadNetwork,
 ) -> list[Row]:
     """Vehicles that stood in an area that they had entered without being told to; one row for each stop.
@@ -218,7 +230,7 @@ def keep_clear(
         drives: Their motion.
         areas: The areas.
         used: The vehicles that drive over them.
-        grants: What agents were told.
+        told: What agents were told.
         road: The road network.
     """
     stops: dict[int, list[tuple[int, int]]] = {}
@@ -229,12 +241,10 @@ def keep_clear(
     for area, both in enumerate(used):
         for use in (*both[0], *both[1]):
             k = use.vehicle
-            needs = float(drives.width[k]) + _core.DESIGN_WIDTH + _core.MEETING_MARGIN
-            is_passable = areas["kind"][area] == _OPPOSED and needs <= areas["width"][area]
-            counts = not is_passable and not areas["side_by_side"][area]
+            counts = drives.width[k] > areas["meeting_width"][area] and not areas["side_by_side"][area]
             if not stops.get(k) or not counts or not np.isfinite(use.enters):
                 continue
-            if grants.cover(drives, k, int(use.enters)):
+            if told.to_enter(int(drives.ids[k]), area):
                 continue
             for first, last in stops[k]:
                 begin, end = max(first, int(np.ceil(use.enters))), int(min(last, use.leaves))

@@ -11,13 +11,9 @@ from interdrive.scenario import SIGNALS
 from interdrive.scenario.control import shown_together
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Ints
     from interdrive.run.violations.drives import Drives, Row
     from interdrive.scenario import Scenario, StopLine
-
-    Ints = NDArray[np.int64]
-    Bools = NDArray[np.bool_]
 
 #: A stop counts if the vehicle stands for so long [s].
 STOP_TIME = 0.3

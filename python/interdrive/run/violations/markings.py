@@ -12,13 +12,9 @@ from interdrive.scenario import KINDS
 from interdrive.scenario.control import CLOSED
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from interdrive.array_types import Bools, Floats
     from interdrive.run.violations.ways import TakenLanelet, Ways
     from interdrive.scenario import Lanelets
-
-    Floats = NDArray[np.float64]
-    Bools = NDArray[np.bool_]
 
 #: Wheels may be beyond a line by this [m].
 ACROSS = 0.2

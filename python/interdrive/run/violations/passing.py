@@ -11,8 +11,9 @@ from interdrive import _core
 from interdrive.run.violations.markings import is_closed
 
 if TYPE_CHECKING:
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.run.record import RunRecord
-    from interdrive.run.violations.drives import Bools, Drives, Floats, Ints
+    from interdrive.run.violations.drives import Drives
     from interdrive.scenario import Lanelets
 
 #: A vehicle swings out and back within this time [s], but in no less than this distance [m].

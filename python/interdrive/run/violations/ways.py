@@ -10,14 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Set
 
-    from numpy.typing import NDArray
-
     from interdrive import _core
+    from interdrive.array_types import Floats, Ints
     from interdrive.run.violations.drives import Drives
     from interdrive.scenario import Lanelets
-
-    Floats = NDArray[np.float64]
-    Ints = NDArray[np.int64]
 
 #: A vehicle can only take lanelets that lead its way within this angle [rad].
 ANGLE_MAX = 1.0

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from interdrive.config.binding import Setting
 
 #: Shipped scenarios, and files below the folder of recorded scenarios. Of each category the two with the most recorded
-#: vehicles that can become agents, of those that last 3 s or longer and have at most 25 vehicles (in one category only
-#: one has two or more); then four in which agents are known to wait for each other.
+#: vehicles that can become agents, among files that last 3 s or longer and have at most 25 vehicles (in one category
+#: only one has two or more); then four in which agents are known to wait for each other.
 SHIPPED = ("t_junction", "lane_merge", "intersection")
 RECORDED = (
     "highway/USA_US101-5_1_T-1.xml",

@@ -5,7 +5,6 @@ vehicles. Beyond it the town, with up to a thousand agents at constant density.
 """
 
 from interdrive.studies.runtime.cases import COUNTS, TOWN_COUNTS, RuntimeCase, runtime_cases
-from interdrive.studies.runtime.figure import growth_figure, runtime_figure
 from interdrive.studies.runtime.folder import RUNTIME_FOLDER, save_runtime
 from interdrive.studies.runtime.measure import RuntimeStudy, runtime_study
 from interdrive.studies.runtime.summary import Growth, growth, step_rows, summary_table
@@ -18,9 +17,7 @@ __all__ = [
     "RuntimeCase",
     "RuntimeStudy",
     "growth",
-    "growth_figure",
     "runtime_cases",
-    "runtime_figure",
     "runtime_study",
     "save_runtime",
     "step_rows",

@@ -1,13 +1,11 @@
-"""The folder of a runtime study: all steps, their summary and figures."""
+"""The folder of a runtime study: all steps, and their summary."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from interdrive.plots import save_figure
 from interdrive.results import software
 from interdrive.storage import FolderKind, Origin, resolved, whole_folder, write_json, write_table
-from interdrive.studies.runtime.figure import growth_figure, runtime_figure
 from interdrive.studies.runtime.summary import growth, summary_table
 
 if TYPE_CHECKING:
@@ -16,9 +14,9 @@ if TYPE_CHECKING:
     from interdrive.studies.runtime.measure import RuntimeStudy
 
 _MARK = "runtime.json"
+#: The pictures are of older versions.
 _FIGURES = tuple(f"{name}.{ending}" for name in ("runtime", "growth") for ending in ("pdf", "png"))
 _FILES = ("steps.parquet", "summary.parquet", "summary.csv", _MARK, *_FIGURES)
-
 
 RUNTIME_FOLDER = FolderKind("runtime study", _MARK, lambda entry: entry.name in _FILES)
 
@@ -26,8 +24,8 @@ RUNTIME_FOLDER = FolderKind("runtime study", _MARK, lambda entry: entry.name in 
 def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = False) -> Path:
     """Writes the folder, whole or not at all, and returns its path.
 
-    It holds steps.parquet (one row per step), summary.parquet and summary.csv, the figures runtime and growth as PDF
-    and PNG, and runtime.json (machine, settings, growth).
+    It holds steps.parquet (one row per step), summary.parquet and summary.csv, and runtime.json (machine, settings,
+    growth).
 
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
@@ -38,10 +36,6 @@ def save_runtime(study: RuntimeStudy, folder: str | Path, *, overwrite: bool = F
         summary = summary_table(study)
         for name in ("summary.parquet", "summary.csv"):
             write_table(summary, partial / name, origin)
-        for name, figure in (("runtime", runtime_figure(study)), ("growth", growth_figure(study))):
-            if figure is not None:
-                for ending in ("pdf", "png"):
-                    save_figure(figure, partial / f"{name}.{ending}")
         grown = {threads: growth(study, threads) for threads in sorted({1, study.threads})}
         write_json(
             {

@@ -1,9 +1,8 @@
-//! What arbitration looks at in one time step, and what it answers.
+//! The traffic at one time step, from which ledgers are made, and what agents are told.
 
-use super::RulesSettings;
-use super::course::Course;
+use super::zones::{Course, Zone};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::junctions::Junctions;
+use crate::rules::RulesSettings;
 
 /// What an agent is told before a passage, and for which reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,14 +48,23 @@ pub struct Memory {
     pub passage: usize,
     /// Time step at which it arrived as the first of its lane.
     pub ticket: Option<i64>,
-    /// It was allowed to go at the last step.
-    pub granted: bool,
+    /// Whether it was allowed to go at the last step; `None`: it did not ask.
+    pub granted: Option<bool>,
+    /// It cannot stop before it any more.
+    pub has_entered: bool,
     /// Time step since which it may enter although there is no room behind.
     pub exception: Option<i64>,
     /// Steps for which it has stood.
     pub standing: usize,
     /// Steps for which it stood or crept because of what it does not see.
     pub peeking: usize,
+}
+
+impl Memory {
+    /// Its place among equals: one that has not arrived goes last.
+    pub(super) fn arrival(&self) -> i64 {
+        self.ticket.unwrap_or(i64::MAX)
+    }
 }
 
 /// What an agent has to do.
@@ -75,7 +83,7 @@ pub struct Order {
 /// An agent that obeys.
 #[derive(Debug, Clone, Copy)]
 pub struct Traveller<'a> {
-    /// Its body, as a position in `Meeting::bodies`.
+    /// Its body, as a position in `Traffic::bodies`.
     pub body: usize,
     /// Width [m].
     pub width: f64,
@@ -95,17 +103,8 @@ pub struct Traveller<'a> {
     pub turns_on_red: bool,
     /// It sees others up to this distance [m].
     pub sight: f64,
-    /// What may come that it does not see.
-    pub unseen: &'a [Unseen],
-}
-
-/// A vehicle may enter an area that an agent does not see.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unseen {
-    /// Position in `Junctions::areas`.
-    pub area: usize,
-    /// At the earliest then [s].
-    pub time: f64,
+    /// Areas into which a vehicle may come that it does not see, and the earliest time [s].
+    pub unseen: &'a [(usize, f64)],
 }
 
 /// A place on a lanelet and how far the front is ahead of it [m].
@@ -132,20 +131,18 @@ pub struct Body {
     pub places: Vec<Place>,
 }
 
-/// When a participant uses a side of an area [s from now].
+/// When a participant uses a conflict zone [s from now].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reservation {
-    /// Position in `Junctions::areas`.
-    pub area: usize,
-    /// The side.
-    pub side: usize,
+    /// The zone, as its side sees it.
+    pub zone: Zone,
     /// From then on, as others may expect ...
     pub enter: f64,
     /// ... and at the earliest.
     pub earliest: f64,
     /// Until then.
     pub leave: f64,
-    /// The participant, as a position in `Meeting::bodies`.
+    /// The participant, as a position in `Traffic::bodies`.
     pub body: usize,
     /// It can still be held back.
     pub is_request: bool,
@@ -164,27 +161,13 @@ pub enum Yielding {
     Yes,
 }
 
-impl Reservation {
-    /// As soon as it can come.
-    pub(super) fn at_the_earliest(&self) -> Self {
-        Self { enter: self.earliest, ..*self }
-    }
-
-    /// So much later [s].
-    pub(super) fn moved(&self, time: f64) -> Self {
-        Self { enter: self.enter + time, earliest: self.earliest + time, leave: self.leave + time, ..*self }
-    }
-}
-
-/// Everything that arbitration looks at in one time step.
+/// Everything from which ledgers are made in one time step.
 #[derive(Debug, Clone, Copy)]
-pub struct Meeting<'a> {
+pub struct Traffic<'a> {
     /// Now.
     pub time_step: i64,
     /// Time between steps [s].
     pub dt: f64,
-    /// The areas.
-    pub junctions: &'a Junctions,
     /// All participants on the road, by ids.
     pub bodies: &'a [Body],
     /// Those that obey, by ids.
@@ -209,11 +192,6 @@ impl Traveller<'_> {
         let standing = self.memory.standing;
         if kept { self.memory } else { Memory { passage: number, standing, ..Memory::default() } }
     }
-
-    /// First passage that its rear has not left.
-    pub(super) fn first_passage(&self, length: f64) -> usize {
-        self.course.passages.partition_point(|passage| passage.end <= self.front - length)
-    }
 }
 
 /// A body on the path of a traveller, its rear not far behind that one's front.
@@ -222,51 +200,19 @@ pub(super) struct Ahead {
     /// Arc lengths of its front and its rear on the path [m].
     pub(super) front: f64,
     pub(super) rear: f64,
-    /// Position in `Meeting::bodies`.
+    /// Position in `Traffic::bodies`.
     pub(super) body: usize,
 }
 
-/// The bodies on the paths of travellers, the nearest rear first.
-#[derive(Debug)]
-pub(super) struct Queues {
-    bodies: Vec<Ahead>,
-    /// Where those of each traveller begin.
-    starts: Vec<usize>,
-}
-
-impl Queues {
-    pub(super) fn of(&self, traveller: usize) -> &[Ahead] {
-        &self.bodies[self.starts[traveller]..self.starts[traveller + 1]]
-    }
-}
-
-/// The bodies that an agent sees.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Seen<'a> {
-    pub(super) bodies: &'a [usize],
-    pub(super) queues: &'a Queues,
-}
-
-impl Seen<'_> {
-    pub(super) fn has(&self, body: usize) -> bool {
-        self.bodies.binary_search(&body).is_ok()
-    }
-
-    /// Bodies on the path of a traveller whose front is beyond an arc length [m], the nearest one first.
-    pub(super) fn ahead(&self, traveller: usize, beyond: f64) -> impl Iterator<Item = &Ahead> {
-        self.queues.of(traveller).iter().filter(move |one| one.front > beyond && self.has(one.body))
-    }
-}
-
-impl Meeting<'_> {
-    /// Queues of some travellers; those of the others are empty.
-    pub(super) fn queues(&self, is_wanted: &[bool]) -> Queues {
+impl Traffic<'_> {
+    /// For some travellers the bodies on their paths, the nearest rear first; none for the others.
+    pub(super) fn queues(&self, is_wanted: &[bool]) -> Vec<Vec<Ahead>> {
         let numbered = self.bodies.iter().enumerate();
         let mut on: Vec<(usize, usize)> =
             numbered.flat_map(|(body, one)| one.places.iter().map(move |place| (place.lanelet, body))).collect();
         on.sort_unstable();
-        let (mut bodies, mut starts, mut near) = (Vec::new(), vec![0], Vec::new());
-        for (traveller, is_wanted) in self.travellers.iter().zip(is_wanted) {
+        let mut near: Vec<usize> = Vec::new();
+        let queue = |(traveller, is_wanted): (&Traveller<'_>, &bool)| {
             near.clear();
             for piece in if *is_wanted { &*traveller.course.pieces } else { &[] } {
                 let from = on.partition_point(|(lanelet, _)| *lanelet < piece.lanelet);
@@ -274,16 +220,16 @@ impl Meeting<'_> {
             }
             near.sort_unstable();
             near.dedup();
-            let start = bodies.len();
             let others = near.iter().copied().filter(|body| *body != traveller.body);
-            bodies.extend(others.filter_map(|body| {
+            let mut queue = Vec::with_capacity(near.len().saturating_sub(1));
+            queue.extend(others.filter_map(|body| {
                 let front = self.front_on(traveller.course, body, traveller.front)?;
                 Some(Ahead { front, rear: front - self.bodies[body].length, body })
             }));
-            bodies[start..].sort_unstable_by(|a, b| a.rear.total_cmp(&b.rear).then(a.body.cmp(&b.body)));
-            starts.push(bodies.len());
-        }
-        Queues { bodies, starts }
+            queue.sort_unstable_by(|a, b| a.rear.total_cmp(&b.rear).then(a.body.cmp(&b.body)));
+            queue
+        };
+        self.travellers.iter().zip(is_wanted).map(queue).collect()
     }
 
     /// Arc length of the front of a body on a path [m], if it is on one of its lanelets.
@@ -294,5 +240,11 @@ impl Meeting<'_> {
             Some(at + place.to_front)
         };
         self.bodies[body].places.iter().find_map(on)
+    }
+
+    /// The traveller with a body.
+    pub(super) fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
+        let place = self.travellers.binary_search_by_key(&body, |other| other.body).ok()?;
+        Some(&self.travellers[place])
     }
 }

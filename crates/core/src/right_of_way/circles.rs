@@ -1,7 +1,7 @@
 //! Circles of agents that wait for each other: which of them may enter although there is no room behind its passage.
 
 use super::components::components;
-use super::meeting::{Meeting, Order, OrderKind, Queues, Traveller};
+use super::traffic::{Ahead, Order, OrderKind, Traffic, Traveller};
 use crate::conduct::STANDSTILL_SPEED;
 
 /// One that stands this near behind another vehicle waits for it [m].
@@ -9,9 +9,9 @@ const NEAR_DISTANCE: f64 = 3.0;
 /// No second exception in the same circle within this time [s].
 const EXCEPTION_TIME: f64 = 10.0;
 
-impl Meeting<'_> {
+impl Traffic<'_> {
     /// In every circle of agents that wait for each other one may enter although there is no room behind.
-    pub(super) fn break_circles(&self, orders: &mut [Order], queues: &Queues) {
+    pub(super) fn break_circles(&self, orders: &mut [Order], queues: &[Vec<Ahead>]) {
         let is_stuck = |index: &usize| self.is_stuck(&self.travellers[*index]);
         let stuck: Vec<usize> = (0..self.travellers.len()).filter(is_stuck).collect();
         if stuck.len() < 2 {
@@ -42,8 +42,7 @@ impl Meeting<'_> {
             let held = members
                 .iter()
                 .filter(|place| orders[**place].kind == OrderKind::Exit && orders[**place].memory.exception.is_none());
-            let first =
-                held.min_by_key(|place| (orders[**place].memory.ticket.unwrap_or(i64::MAX), orders[**place].id));
+            let first = held.min_by_key(|place| (orders[**place].memory.arrival(), orders[**place].id));
             if let Some(&place) = first {
                 orders[place].memory.exception = Some(self.time_step);
             }
@@ -57,9 +56,9 @@ impl Meeting<'_> {
     }
 
     /// The nearest body ahead on the path of a traveller, if it is near.
-    fn leader(&self, index: usize, queues: &Queues) -> Option<usize> {
+    fn leader(&self, index: usize, queues: &[Vec<Ahead>]) -> Option<usize> {
         let front = self.travellers[index].front;
-        let nearest = queues.of(index).iter().find(|one| one.front > front);
+        let nearest = queues[index].iter().find(|one| one.front > front);
         nearest.filter(|one| one.rear - front < NEAR_DISTANCE).map(|one| one.body)
     }
 }

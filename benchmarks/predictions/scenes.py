@@ -26,7 +26,6 @@ from interdrive.plots.style import (
     add_legend,
     empty_figure,
 )
-from interdrive.plots.trajectories import ellipse_rings, strength
 from interdrive.plots.vehicles import outlines, placed
 from interdrive.plots.view import View, view_around
 from interdrive.prediction_evaluation.measures import HORIZONS, Predicted, step_of
@@ -39,12 +38,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from interdrive.array_types import Floats
     from interdrive.prediction_evaluation.recordings import Moment
     from interdrive.prediction_evaluation.samples import Samples
     from interdrive.prediction_evaluation.tables import PredictionEvaluation
 
 _GAP, _PAD, _TITLE, _STRIP = 2.5 * MM, 0.5 * MM, 5.0 * MM, 6.0 * MM
 _OTHERS = "#d2d2d2"
+#: Opacity of the least probable mode.
+_FAINTEST = 0.15
 #: Mass of the ellipses.
 _MASS = 0.9
 #: Between these distances from a straight drive [m] a vehicle is worth looking at: it turns, brakes or starts.
@@ -205,6 +207,33 @@ def _draw_predicted(axes: Axes, scene: ExampleScene, predicted: Predicted, view:
             ),
             autolim=False,
         )
+
+
+def ellipse_rings(means: Floats, covariance: Floats, mass: float) -> Floats:
+    """Outlines [m] of the ellipses that hold a probability mass of normal distributions.
+
+    Args:
+        means: Shape (..., 2) [m].
+        covariance: Shape (..., 2, 2) [m²].
+        mass: Between 0 and 1.
+
+    Returns:
+        Shape (ellipses, 24, 2), in the order of the means, without means that are not numbers.
+    """
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    means, covariance = means.reshape(-1, 2), covariance.reshape(-1, 2, 2)
+    finite = np.isfinite(means).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    values, vectors = np.linalg.eigh(covariance[finite])
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    rings: Floats = means[finite][:, None] + np.sqrt(-2.0 * np.log1p(-mass)) * (axes @ circle).transpose(0, 2, 1)
+    return rings
+
+
+def strength(probability: Floats) -> Floats:
+    """How strongly a mode is drawn, between 0 and 1: by its probability, but never invisible."""
+    strong: Floats = _FAINTEST + (1.0 - _FAINTEST) * np.clip(probability, 0.0, 1.0)
+    return strong
 
 
 def _draw_truth(axes: Axes, scene: ExampleScene, view: View) -> None:

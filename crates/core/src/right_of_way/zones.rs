@@ -1,15 +1,16 @@
-//! The areas that an agent drives through on its way, in passages between places where it can stand.
+//! Conflict zones: ground that two sides share. On the way of an agent they form passages, between places where it can
+//! stand without being in any of them.
 
-use super::SpeedLimits;
-use crate::junctions::{AreaKind, Junctions};
+use crate::junctions::{Area, AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::route::{PathPiece, Route};
+use crate::rules::SpeedLimits;
 use crate::vehicle::Vehicle;
 
 /// The areas are made for vehicles of this width [m].
 pub const DESIGN_WIDTH: f64 = 1.8;
 /// Vehicles that meet need this more than their widths [m].
-pub const MEETING_MARGIN: f64 = 0.4;
+const MEETING_MARGIN: f64 = 0.4;
 /// Agents ask from this far on: this time at the present speed [s], at least this distance [m].
 pub const REACH_TIME: f64 = 8.0;
 /// See [`REACH_TIME`].
@@ -35,21 +36,53 @@ pub(crate) fn reach(velocity: f64) -> f64 {
     REACH.max(REACH_TIME * velocity)
 }
 
-/// An area on the path.
+/// A conflict zone as one of its two sides sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Crossed {
-    /// Position in `Junctions::areas`, and the own side.
-    pub(super) area: usize,
-    pub(super) side: usize,
-    /// Arc lengths on the path [m].
-    pub(super) entry: f64,
-    pub(super) exit: f64,
+pub struct Zone {
+    /// Position in `Junctions::areas`.
+    pub area: usize,
+    /// The own side (0 or 1).
+    pub side: usize,
+    /// Arc length on the way at which it begins [m].
+    pub entry: f64,
+    /// ... and at which it ends [m].
+    pub exit: f64,
+    /// How the ways meet.
+    pub(super) kind: AreaKind,
+    /// By the map the own side goes first; `None`: the first to arrive.
+    pub(super) first: Option<bool>,
+    /// What two vehicles have beside each other [m].
+    width: f64,
+    /// By a sign the own side waits.
+    has_sign: bool,
+    /// Number of the junction.
+    junction: usize,
 }
 
-/// Areas between two places where the vehicle can stand without being in any of them.
+impl Zone {
+    /// Of a side of an area of the map, from one arc length of a way to another [m].
+    pub fn of((index, area): (usize, &Area), side: usize, (entry, exit): (f64, f64)) -> Self {
+        let &Area { kind, first, width, junction, .. } = area;
+        let (first, has_sign) = (first.map(|first| first == side), area.waits_for_a_sign(side));
+        Self { area: index, side, entry, exit, kind, first, width, has_sign, junction }
+    }
+
+    /// Two vehicles of these widths together [m] can use it only one after the other.
+    pub(super) fn conflicts(&self, widths: f64) -> bool {
+        self.kind != AreaKind::Opposed || widths + MEETING_MARGIN > self.width
+    }
+}
+
+/// Width of a vehicle that can meet a car in an area [m]; -inf where nobody can meet.
+pub fn meeting_width(area: &Area) -> f64 {
+    if area.kind == AreaKind::Opposed { area.width - MEETING_MARGIN - DESIGN_WIDTH } else { f64::NEG_INFINITY }
+}
+
+/// Zones between two places where the vehicle can stand without being in any of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Passage {
-    pub(super) areas: Vec<Crossed>,
+    /// Its zones, by where they begin.
+    pub zones: Vec<Zone>,
     /// Arc length that the front does not pass before the vehicle may go [m].
     pub entry_line: f64,
     /// Arc length from which on the rear is in none of the areas [m].
@@ -64,7 +97,7 @@ pub struct Passage {
     pub(super) junctions: Vec<usize>,
 }
 
-/// What arbitration knows about the reference path of an agent.
+/// The conflict zones on the reference path of an agent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Course {
     /// The pieces of its path in driving order.
@@ -86,14 +119,13 @@ impl Course {
         let path = &route.path;
         let pieces = &route.pieces;
         let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
-        let mut areas: Vec<Crossed> = Vec::new();
+        let mut zones: Vec<Zone> = Vec::new();
         for piece in pieces {
             let lanelet = &road.lanelets()[piece.lanelet];
             let scale = (piece.end - piece.start) / lanelet.length;
             for &(index, side) in junctions.of_lanelet(piece.lanelet) {
                 let area = &junctions.areas[index];
                 let stretch = area.sides[side];
-                let is_narrow = conflict(junctions, index, width + DESIGN_WIDTH);
                 let middle = 0.5 * (stretch.entry + stretch.exit);
                 let foot = path.project_near(lanelet.center.at(middle), piece.start + scale * middle, WINDOW);
                 let (first, last) = (piece.start + scale * stretch.entry, piece.start + scale * stretch.exit);
@@ -101,34 +133,33 @@ impl Course {
                     true => first < piece.to && last > piece.from,
                     false => foot.is_some_and(|(_, d)| d.abs() <= ASIDE_MAX),
                 };
-                let entry = first - wider;
+                let zone = Zone::of((index, area), side, (first - wider, last + wider));
                 // Agents leave the road at their goals; without a place as goal it is not a number.
-                let is_beyond_goal = entry > route.goal_exit_s + length;
-                if is_there && is_narrow && !is_beyond_goal && !area.is_side_by_side {
-                    areas.push(Crossed { area: index, side, entry, exit: last + wider });
+                let is_beyond_goal = zone.entry > route.goal_exit_s + length;
+                if is_there && zone.conflicts(width + DESIGN_WIDTH) && !is_beyond_goal && !area.is_side_by_side {
+                    zones.push(zone);
                 }
             }
         }
-        areas.sort_by(|a, b| a.entry.total_cmp(&b.entry).then(a.area.cmp(&b.area)));
-        let mut groups: Vec<(f64, Vec<Crossed>)> = Vec::new();
-        for crossed in areas {
+        zones.sort_by(|a, b| a.entry.total_cmp(&b.entry).then(a.area.cmp(&b.area)));
+        let mut groups: Vec<(f64, Vec<Zone>)> = Vec::new();
+        for zone in zones {
             match groups.last_mut() {
-                Some((end, group)) if crossed.entry - *end < length + 2.0 * MARGIN => {
-                    *end = end.max(crossed.exit);
-                    group.push(crossed);
+                Some((end, group)) if zone.entry - *end < length + 2.0 * MARGIN => {
+                    *end = end.max(zone.exit);
+                    group.push(zone);
                 }
-                _ => groups.push((crossed.exit, vec![crossed])),
+                _ => groups.push((zone.exit, vec![zone])),
             }
         }
-        let passage = |(end, areas): (f64, Vec<Crossed>)| {
-            let (entry_line, end) = (areas[0].entry - MARGIN, end + MARGIN);
+        let passage = |(end, zones): (f64, Vec<Zone>)| {
+            let (entry_line, end) = (zones[0].entry - MARGIN, end + MARGIN);
             let at = |s: f64| limits.at(s).min(SPEED_MAX).min((lateral / path.curvature_at(s).abs()).sqrt());
             let n = (end - entry_line).ceil().max(1.0) as usize;
             let speed = (0..=n)
                 .map(|i| at(entry_line + i as f64 * (end - entry_line) / n as f64))
                 .fold(f64::INFINITY, f64::min);
-            let waits = |crossed: &Crossed| junctions.areas[crossed.area].waits_for_a_sign(crossed.side);
-            let mut numbers: Vec<usize> = areas.iter().map(|crossed| junctions.areas[crossed.area].junction).collect();
+            let mut numbers: Vec<usize> = zones.iter().map(|zone| zone.junction).collect();
             numbers.sort_unstable();
             numbers.dedup();
             let there = pieces.iter().find(|piece| end <= piece.end).or(pieces.last());
@@ -138,26 +169,29 @@ impl Course {
                 speed,
                 approach: limits.at(entry_line).min(SPEED_MAX),
                 exit: there.map_or(usize::MAX, |piece| piece.lanelet),
-                extra_lead: if areas.iter().any(waits) { SIGN_LEAD } else { 0.0 },
+                extra_lead: if zones.iter().any(|zone| zone.has_sign) { SIGN_LEAD } else { 0.0 },
                 junctions: numbers,
-                areas,
+                zones,
             }
         };
         Self { passages: groups.into_iter().map(passage).collect(), pieces: pieces.clone() }
     }
 
-    /// All areas in driving order: number and own side, and the arc lengths where they begin and end [m].
-    pub fn crossings(&self) -> impl Iterator<Item = (usize, usize, f64, f64)> {
-        let all = self.passages.iter().flat_map(|passage| &passage.areas);
-        all.map(|crossed| (crossed.area, crossed.side, crossed.entry, crossed.exit))
+    /// First passage that a rear at an arc length [m] has not left.
+    pub fn first_passage(&self, rear: f64) -> usize {
+        self.passages.partition_point(|passage| passage.end <= rear)
     }
 
-    /// Areas, and the own side in each, that a front at an arc length [m] has not entered, of passages whose entry line is within
-    /// reach [m].
-    pub fn areas_ahead(&self, front: f64, reach: f64) -> impl Iterator<Item = (usize, usize)> {
+    /// All zones in driving order.
+    pub fn zones(&self) -> impl Iterator<Item = &Zone> {
+        self.passages.iter().flat_map(|passage| &passage.zones)
+    }
+
+    /// Zones that a front at an arc length [m] has not entered, of passages whose entry line is within reach [m].
+    pub fn zones_ahead(&self, front: f64, reach: f64) -> impl Iterator<Item = &Zone> {
         let near = move |passage: &&Passage| passage.end > front && passage.entry_line - front <= reach;
-        let areas = self.passages.iter().filter(near).flat_map(|passage| &passage.areas);
-        areas.filter(move |crossed| crossed.entry > front).map(|crossed| (crossed.area, crossed.side))
+        let zones = self.passages.iter().filter(near).flat_map(|passage| &passage.zones);
+        zones.filter(move |zone| zone.entry > front)
     }
 
     /// An agent with its front at an arc length [m] is near or in one of the passages, at its speed [m/s].
@@ -177,10 +211,4 @@ impl Course {
         let piece = self.pieces.iter().rev().find(|piece| piece.start <= s && piece.has(s))?;
         Some((piece.lanelet, s - piece.start))
     }
-}
-
-/// Two vehicles can use the area only one after the other.
-pub(super) fn conflict(junctions: &Junctions, area: usize, widths: f64) -> bool {
-    let area = &junctions.areas[area];
-    area.kind != AreaKind::Opposed || widths + MEETING_MARGIN > area.width
 }

@@ -1,4 +1,4 @@
-"""How long a call takes, by number of vehicles: copies of a shipped junction side by side, replayed."""
+"""How long a call of a predictor takes, by number of vehicles: copies of a shipped junction side by side, replayed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from interdrive.prediction_evaluation.recordings import JUDGED_KINDS, Recording
 from interdrive.scenario import Lanelets, Scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from interdrive.config.schema import SimulationSettings
     from interdrive.config.specs import Resolved
@@ -99,22 +99,18 @@ def _side_by_side(one: Lanelets, copies: int, step: int) -> Lanelets:
 
 
 def measured_timings(
-    choices: Sequence[Resolved],
-    settings: SimulationSettings,
-    on_step: Callable[[str, int, int], None] | None = None,
+    choices: Sequence[Resolved], settings: SimulationSettings, numbers: Sequence[int] = VEHICLES
 ) -> tuple[Timing, ...]:
-    """Median time per call of 3 s, for every predictor and every number of `VEHICLES`; one thread calls.
+    """Median time per call of 3 s, for every predictor and every number of vehicles; one thread calls.
 
     Each call is for another time step, as in a run: what a predictor keeps between steps helps it, what it could only
     keep for the same step does not.
     """
     found = []
-    for place, n in enumerate(VEHICLES):
+    for n in numbers:
         recording = Recording(crowd(n), settings)
         n_steps = round(HORIZONS[-1] / recording.scenario.dt)
         for choice in choices:
-            if on_step is not None:
-                on_step(f"timing {choice.label}", place, len(VEHICLES))
             predictor = bound_predictor(choice, settings.predictor, recording.core_scenario)
             recording.at(0)
             seconds: list[float] = []
@@ -125,5 +121,14 @@ def measured_timings(
                 predictor.predict(recording.world, scene, n_steps)
                 seconds.append(time.perf_counter() - start)
             found.append(Timing(choice.label, n, 1000.0 * float(np.median(seconds)), len(seconds)))
-    order = {choice.label: place for place, choice in enumerate(choices)}
-    return tuple(sorted(found, key=lambda timing: (order[timing.predictor], timing.vehicles)))
+    return tuple(found)
+
+
+def timing_table(timings: Sequence[Timing]) -> str:
+    """Milliseconds per call as Markdown, a row per predictor."""
+    numbers = sorted({one.vehicles for one in timings})
+    lines = [f"| ms per call, vehicles | {' | '.join(map(str, numbers))} |", "|---|" + "--:|" * len(numbers)]
+    for name in dict.fromkeys(one.predictor for one in timings):
+        by_number = {one.vehicles: one.milliseconds for one in timings if one.predictor == name}
+        lines.append(f"| {name} | {' | '.join(f'{by_number[n]:.3g}' for n in numbers)} |")
+    return "\n".join(lines)

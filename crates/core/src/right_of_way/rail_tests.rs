@@ -4,9 +4,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
-use super::course::Course;
-use super::meeting::{Body, Meeting, Memory, Order, Place, Traveller};
-use super::{RulesSettings, SpeedLimits};
+use super::{Body, Course, Memory, Order, Place, Traffic, Traveller, Zone};
 use crate::control::Control;
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -15,6 +13,7 @@ use crate::junctions::{AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, with_successors};
 use crate::route::{PathPiece, Route};
+use crate::rules::{RulesSettings, SpeedLimits};
 use crate::vehicle::ParticipantKind;
 
 const DT: f64 = 0.1;
@@ -188,15 +187,9 @@ impl<'a> World<'a> {
             sight: f64::INFINITY,
         };
         let travellers: Vec<Traveller<'_>> = driving.iter().enumerate().map(traveller).collect();
-        let meeting = Meeting {
-            time_step: self.time_step,
-            dt: DT,
-            junctions: &self.grid.junctions,
-            bodies: &bodies,
-            travellers: &travellers,
-            visits: &[],
-        };
-        let orders = meeting.orders(&|_, _| true);
+        let traffic =
+            Traffic { time_step: self.time_step, dt: DT, bodies: &bodies, travellers: &travellers, visits: &[] };
+        let orders = traffic.orders(&|_, _| true);
         (bodies, orders)
     }
 
@@ -253,12 +246,10 @@ impl<'a> World<'a> {
 
     /// Distance to one that is nearer to the end of a merge and in it [m].
     fn gap_on_merge(&self, vehicle: &Vehicle, other: &Vehicle) -> Option<f64> {
-        let areas = |vehicle: &Vehicle| self.routes[vehicle.route].1.passages.iter().flat_map(|passage| &passage.areas);
-        let is_merge = |crossed: &&super::course::Crossed| {
-            self.grid.junctions.areas[crossed.area].kind == AreaKind::Merge && vehicle.front < crossed.exit
-        };
-        areas(vehicle).filter(is_merge).find_map(|own| {
-            let theirs = areas(other).find(|theirs| theirs.area == own.area && theirs.side != own.side)?;
+        let zones = |vehicle: &Vehicle| self.routes[vehicle.route].1.zones();
+        let is_merge = |zone: &&Zone| zone.kind == AreaKind::Merge && vehicle.front < zone.exit;
+        zones(vehicle).filter(is_merge).find_map(|own| {
+            let theirs = zones(other).find(|theirs| theirs.area == own.area && theirs.side != own.side)?;
             let (left, their_left) = (own.exit - vehicle.front, theirs.exit - other.front);
             let is_ahead = other.front > theirs.entry && (their_left, other.id) < (left, vehicle.id);
             (is_ahead && left < 40.0).then_some(left - their_left - other.length)
@@ -270,12 +261,9 @@ impl<'a> World<'a> {
         for (i, a) in self.vehicles.iter().enumerate().filter(|(_, vehicle)| !vehicle.is_done) {
             for b in self.vehicles[i + 1..].iter().filter(|vehicle| !vehicle.is_done) {
                 let inside = |vehicle: &Vehicle| {
-                    let passages = &self.routes[vehicle.route].1.passages;
                     let (front, rear) = (vehicle.front, vehicle.front - vehicle.length);
-                    let is_in = move |crossed: &&super::course::Crossed| {
-                        front > crossed.entry + SHARED && rear < crossed.exit - SHARED
-                    };
-                    passages.iter().flat_map(|passage| &passage.areas).filter(is_in).copied().collect::<Vec<_>>()
+                    let is_in = move |zone: &&Zone| front > zone.entry + SHARED && rear < zone.exit - SHARED;
+                    self.routes[vehicle.route].1.zones().filter(is_in).copied().collect::<Vec<_>>()
                 };
                 let (here, there) = (inside(a), inside(b));
                 self.overlaps += here
@@ -286,8 +274,7 @@ impl<'a> World<'a> {
                     .filter(|(one, other)| {
                         let (left, right) = (one.exit - a.front, other.exit - b.front);
                         let follows = left + 0.05 >= right + b.length || right + 0.05 >= left + a.length;
-                        let area = &self.grid.junctions.areas[one.area];
-                        area.kind != AreaKind::Merge || !follows
+                        one.kind != AreaKind::Merge || !follows
                     })
                     .count();
             }

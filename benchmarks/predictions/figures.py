@@ -1,4 +1,4 @@
-"""Figures of an evaluation: error over time by category, and calibration."""
+"""Figures of an evaluation of predictors: error over time by category, and calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures of the runtime study. Loads matplotlib."""
+"""The figures of the runtime study, for docs/research/performance.md."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, empty_figure, plain
-from interdrive.studies.runtime.summary import growth, summary_table
+from interdrive.studies.runtime import growth, summary_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from interdrive.studies.runtime.measure import RuntimeStudy
+    from interdrive.studies.runtime import RuntimeStudy
 
 _PANEL = 52.0 * MM
 #: Duration of a step in real time [ms].

@@ -1,0 +1,22 @@
+//! Right of way: who may use the ground that ways share, and when. It follows from the map, the motion of those that an
+//! agent sees, and what it remembers (its arrival, its grant), which is part of the world.
+//!
+//! Best read in this order: `zones` (conflict zones along a way), `traffic` (what a step looks at, what agents are told),
+//! `windows` (when a vehicle is where), `ledger` (requests, reservations, the one order), `gaps` (what fits between
+//! reservations), `conditions` (room, sight), `circles` of waits.
+
+mod circles;
+mod components;
+mod conditions;
+mod gaps;
+mod ledger;
+#[cfg(test)]
+mod rail_tests;
+mod traffic;
+mod windows;
+mod zones;
+
+pub(crate) use ledger::{STICKY_LAG, STICKY_LEAD};
+pub use traffic::{Body, Memory, Order, OrderKind, Place, Reservation, Traffic, Traveller, Yielding};
+pub(crate) use zones::reach;
+pub use zones::{Course, DESIGN_WIDTH, Passage, REACH, REACH_TIME, SPEED_MAX, Zone, meeting_width};
