@@ -69,7 +69,7 @@ class Comfort:
     acceleration: Annotated[float, "m/s²"] = 3.0
     deceleration: Annotated[float, "m/s²"] = 2.0
     jerk: Annotated[float, "m/s³"] = 1.9
-    lateral_acceleration: Annotated[float, "m/s²"] = 2.5
+    lateral_acceleration: Annotated[float, "m/s²"] = 2.2
     velocity_step: Annotated[float, "m/s"] = 5.0
     cruise_velocity_min: Annotated[float, "m/s"] = 5.0
 

@@ -16,10 +16,8 @@ const ARRIVAL_SHARE: f64 = 0.15;
 const EARLY_SHARE: f64 = 0.45;
 /// For that they want to be faster than now by this at most [m/s].
 const EARLY_STEP: f64 = 1.0;
-/// Agents on a free road aim at the inner part of the goal's interval of speeds: this share of it on each side is left, but at
-/// most so much [m/s].
+/// At most this share of the goal's interval of speeds is left on each side.
 const SPEED_RESERVE_SHARE: f64 = 0.15;
-const SPEED_RESERVE: f64 = 0.7;
 /// Agents on a free road arrive no faster than at this share of the goal's interval of speeds.
 const GOAL_SPEED_SHARE: f64 = 0.8;
 
@@ -28,10 +26,10 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 ///
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
 /// brings the agent into the area at the middle of the time interval or before its end, whichever is later: shortly
-/// before it, or with `is_free` on a road with a speed limit early enough for what may hold it up on the way. With
-/// `is_free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
+/// before it, or with `free` on a road with a speed limit early enough for what may hold it up on the way. With
+/// `free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
 /// goal's speeds (an interval that includes standing says nothing), but slow enough to brake comfortably to the goal's
-/// speeds and not to arrive too early. Too late: on as before, or with `is_free` as fast as the limit, or at the free
+/// speeds and not to arrive too early; it then leaves as much as `free` of the goal's speeds on each side [m/s]. Too late: on as before, or with `free` as fast as the limit, or at the free
 /// speed where no limit is known, at `cruise_velocity_min` or more. In the area: the goal's speed; before the time,
 /// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.
 pub(super) fn desired(
@@ -39,7 +37,7 @@ pub(super) fn desired(
     (s, velocity): (f64, f64),
     deceleration: f64,
     cruise_velocity_min: f64,
-    is_free: bool,
+    free: Option<f64>,
 ) -> (f64, Option<f64>) {
     let Some(goal) = request.goal.states.iter().max_by_key(|state| state.time_step.1) else {
         return (velocity, None);
@@ -65,7 +63,8 @@ pub(super) fn desired(
     }
     let (low, high) = goal.velocity.unwrap_or((0.0, f64::INFINITY));
     let distance = entry.min(exit) - center + GOAL_DEPTH.min(0.5 * (exit - entry));
-    let inner = if is_free && high.is_finite() { SPEED_RESERVE.min(SPEED_RESERVE_SHARE * (high - low)) } else { 0.0 };
+    let is_free = free.is_some();
+    let inner = free.filter(|_| high.is_finite()).map_or(0.0, |most| most.min(SPEED_RESERVE_SHARE * (high - low)));
     let speeds = (if low > 0.0 { low + inner } else { low }, high - inner);
     let arriving_after = |time: f64| cruise_velocity(distance, time, speeds, deceleration);
     let sparing = |share: f64| {

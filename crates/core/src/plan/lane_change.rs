@@ -13,7 +13,6 @@ use super::conflicts::Ego;
 use super::frame::Start;
 use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
-use super::rollout::Comfort;
 use super::{LaneChange, PlanRequest};
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
@@ -56,6 +55,17 @@ const FOOT_WINDOW: f64 = 30.0;
 /// A lane runs beside the route up to this distance [m]; it is examined in such steps [m].
 const BESIDE_OFFSET: f64 = 8.0;
 const BESIDE_STEP: f64 = 2.0;
+
+/// How an agent seeks a gap.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::plan) struct Seeking {
+    /// A comfortable deceleration [m/s²].
+    pub(in crate::plan) deceleration: f64,
+    /// As in the comfort of the planners.
+    pub(in crate::plan) cruise_velocity_min: f64,
+    /// The largest difference to its present speed [m/s].
+    pub(in crate::plan) velocity_step: f64,
+}
 
 /// What a gap must leave.
 #[derive(Debug, Clone, Copy)]
@@ -102,7 +112,7 @@ impl LaneRoutes {
     }
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
-    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
+    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Seeking) -> PlanRequest<'a> {
         let leads_on = |aim: &Aim| {
             let lane = &self.lanes.lanes[aim.lane];
             lane.need(aim.s).is_some() && self.is_along(request, aim)
@@ -123,7 +133,7 @@ impl LaneRoutes {
     }
 
     /// The lane to drive in, and what the change asks of the agent.
-    fn choose(&self, request: &PlanRequest, comfort: &Comfort, aim: Aim) -> (Aim, LaneChange) {
+    fn choose(&self, request: &PlanRequest, comfort: &Seeking, aim: Aim) -> (Aim, LaneChange) {
         let lanes = &self.lanes.lanes;
         let beside = self.lanes.beside(aim.lane, aim.s, request.road);
         let velocity = request.state.velocity.max(0.0);
@@ -207,14 +217,14 @@ impl LaneRoutes {
     fn seek(
         &self,
         request: &PlanRequest,
-        comfort: &Comfort,
+        comfort: &Seeking,
         time_gap: f64,
         (here, there): (Aim, Aim),
         end: f64,
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
-        let (wish, _) = arrival::desired(&along, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, true);
+        let (wish, _) = arrival::desired(&along, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, Some(0.0));
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;
@@ -287,7 +297,7 @@ fn urgency(time: f64) -> f64 {
 /// How far a plan aims to the side at most if the change must be done within a time [s]; as far as it takes if that is
 /// soon [m].
 fn step(time: f64) -> f64 {
-    if time > HURRY.1 { GENTLE_STEP } else { f64::INFINITY }
+    if time > HURRY.0 { GENTLE_STEP } else { f64::INFINITY }
 }
 
 /// The constant deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] comes down to its
@@ -323,6 +333,6 @@ mod tests {
         for (time, expected) in [(20.0, 0.5), (12.0, 0.5), (8.0, 0.25), (4.0, 0.0), (-1.0, 0.0)] {
             assert!((time_gap(time) - expected).abs() < 1e-12, "{time} s");
         }
-        assert_eq!((step(13.0), step(11.0)), (2.0, f64::INFINITY));
+        assert_eq!((step(5.0), step(3.0)), (2.0, f64::INFINITY));
     }
 }

@@ -42,6 +42,7 @@ use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
+use lane_change::Seeking;
 use lanes::Lanes;
 use recorded_path::RecordedPath;
 
@@ -231,11 +232,11 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Rollout(_) => {
+            Planner::Rollout(_) | Planner::Frenet(_) => {
                 let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
                 Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -256,8 +257,8 @@ impl Prepared {
     }
 
     /// The request in the frame of the lane in which the agent drives.
-    fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &rollout::Comfort) -> PlanRequest<'a> {
-        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, comfort) } else { *request }
+    fn aim<'a>(&'a self, request: &PlanRequest<'a>, seeking: &Seeking) -> PlanRequest<'a> {
+        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, seeking) } else { *request }
     }
 }
 
@@ -273,9 +274,9 @@ pub enum Candidates {
 /// All that a plan was chosen from, with costs and the reasons of rejection; `None` for a planner that does not choose.
 pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<Candidates> {
     match planner {
-        Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(request, settings))),
+        Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(&prepared.aim(request, &settings.comfort.seeking()), settings))),
         Planner::Rollout(settings) => {
-            let aimed = prepared.aim(request, &settings.comfort);
+            let aimed = prepared.aim(request, &settings.comfort.seeking());
             Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))
         }
         _ => None,
@@ -331,12 +332,12 @@ pub fn plan(
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
         (Planner::Frenet(settings), _) => {
-            let found = frenet::plan(request, settings, &mut memory.frenet);
+            let found = frenet::plan(&prepared.aim(request, &settings.comfort.seeking()), settings, &mut memory.frenet);
             memory.effort = memory.frenet.effort();
             found
         }
         (Planner::Rollout(settings), _) => {
-            let aimed = prepared.aim(request, &settings.comfort);
+            let aimed = prepared.aim(request, &settings.comfort.seeking());
             let found = rollout::plan(&aimed, settings, &mut memory.rollout);
             memory.effort = memory.rollout.effort();
             found.unwrap_or_else(|| refused(request, memory, "the agent is not beside its path"))

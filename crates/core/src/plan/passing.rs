@@ -13,7 +13,7 @@ use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
-use detour::{Detour, Leader};
+pub(super) use detour::{Detour, Leader};
 
 /// Clearances to a passed obstruction [m]: the first with enough room counts.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
@@ -36,16 +36,16 @@ const SIDE_ROOM: f64 = 0.4;
 const LEADER_REACH: (f64, f64) = (40.0, 4.0);
 
 /// Distance ahead of its front within which the agent looks for a place beside an obstruction [m].
-fn reach(velocity: f64) -> f64 {
+pub(super) fn reach(velocity: f64) -> f64 {
     SWING_LENGTH.max(SWING_TIME * velocity)
 }
 
 /// Where the agent is on its path: arc length and offset of the rear axle [m], speed [m/s].
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Place {
-    s: f64,
-    d: f64,
-    velocity: f64,
+pub(super) struct Place {
+    pub(super) s: f64,
+    pub(super) d: f64,
+    pub(super) velocity: f64,
 }
 
 /// What stands on the way and can be passed.
@@ -143,7 +143,7 @@ impl Standing {
     }
 
     /// Where the agent can pass it; not if it waits in a queue.
-    fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
+    pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
         let is_parked = is_parked(other);
         if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;

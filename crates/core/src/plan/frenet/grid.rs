@@ -100,7 +100,7 @@ impl SampleGrid {
         self.path.clear();
         self.furthest.clear();
         self.furthest.resize(self.stride, start.s);
-        self.lateral.clear(self.n_points, self.stride, 0.0);
+        self.lateral.clear(self.n_points, self.stride, targets.offset);
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
@@ -147,7 +147,7 @@ impl SampleGrid {
     /// Lateral positions near the path in the place of those of `generate`, whose motions along the path remain.
     pub(super) fn narrow(&mut self, inputs: &Inputs) {
         self.end_offsets.clear();
-        self.lateral.clear(self.n_points, self.stride, 0.0);
+        self.lateral.clear(self.n_points, self.stride, inputs.targets.offset);
         self.choose_offsets(&Inputs { is_narrow: true, ..*inputs });
         let beside = beside(inputs.start);
         for end_time in &self.end_times {
@@ -160,14 +160,14 @@ impl SampleGrid {
     }
 
     fn choose_offsets(&mut self, inputs: &Inputs) {
-        let Inputs { start, settings, is_narrow, .. } = *inputs;
+        let Inputs { start, targets, settings, is_narrow, .. } = *inputs;
         if is_narrow {
             let widest = settings.d_max.min(NARROW_OFFSET);
             grid(-widest, widest, settings.level, start.d, &mut self.end_offsets);
         } else {
             end_offsets(settings, start.d, &mut self.end_offsets);
         }
-        insert(&mut self.end_offsets, 0.0);
+        insert(&mut self.end_offsets, targets.offset);
     }
 
     /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
@@ -455,6 +455,9 @@ fn arc_min(inputs: &Inputs) -> f64 {
     let Inputs { start, targets, limits, settings, .. } = *inputs;
     if start.velocity >= settings.low_velocity {
         return ARC_MIN;
+    }
+    if targets.swing > 0.0 {
+        return targets.swing;
     }
     let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
     turning_length([start.d, start.d_prime, start.d_prime2], limits.curvature_rate() / velocity, ARC_MIN)

@@ -105,7 +105,7 @@ fn steer(
         let acceleration = motion.s_ddot[i] * (1.0 + rest) - motion.s_dot[i] * excess / limits.horizon();
         if i > 0 {
             let ahead = path.curvature_at(s + before * driver.preview);
-            let offset = driver.inside * (ahead / BEND).clamp(-1.0, 1.0);
+            let offset = targets.offset + driver.inside * (ahead / BEND).clamp(-1.0, 1.0);
             let distance = CORRECTION_LENGTH.max(CORRECTION_TIME * before);
             let wanted = corrected(ahead, d - offset, heading - at.theta, distance);
             let mut next = limits.turned(curvature, wanted, (speed.max(before), acceleration), SHARE);

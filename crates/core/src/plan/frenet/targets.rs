@@ -5,6 +5,7 @@ use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
+use super::super::passing::{self, Detour, Leader, Passage, Place, Standing};
 use super::settings::{Comfort, FrenetSettings};
 use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::conduct::STATIONARY_SPEED;
@@ -44,15 +45,18 @@ pub(super) struct Targets {
     pub(super) stops: [Option<f64>; 3],
     /// Arc lengths that the rear axle must not pass [m], and until when.
     pub(super) barriers: Barriers,
+    /// Lateral position [m]: 0, on the way to another lane, or beside what stands in the way and is passed.
+    pub(super) offset: f64,
+    /// Slow agents move over within this length [m]; 0: as far as their wheels need.
+    pub(super) swing: f64,
 }
 
 /// A participant ahead on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Leader {
-    /// Arc length of its nearest point [m].
-    rear: f64,
-    /// Its speed along the path [m/s], not negative.
-    velocity: f64,
+enum Ahead {
+    Leads(Leader),
+    /// It stands and can be passed.
+    Stands(Standing, Passage),
 }
 
 impl Targets {
@@ -68,18 +72,47 @@ impl Targets {
         let barriers = || all_barriers.iter().filter(|one| one.reason != BarrierReason::LaneEnd);
         let lasting = || barriers().filter(|one| one.until > STOP_TIME).map(|one| one.s);
         let stretch = Stretch::ahead(request, start);
+        let all = || {
+            let near = request.others.iter().filter(|other| stretch.may_hold(other));
+            near.filter_map(|other| ahead(other, request, start, settings))
+        };
+        let aside = start.d - request.lane_change.step.min(start.d.abs()).copysign(start.d);
+        let (mut offset, mut nearest) = (aside, front + passing::reach(start.velocity));
+        let (mut blocks, mut swing) = (Vec::new(), 0.0);
         let mut follow = |leader: Leader| {
             let gap = leader.rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, leader.velocity, (comfort.time_gap, comfort.deceleration)));
             standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
         };
-        for other in request.others.iter().filter(|other| stretch.may_hold(other)) {
-            if let Some(leader) = leader(other, request, start) {
-                follow(leader);
+        for ahead in all() {
+            match ahead {
+                Ahead::Leads(leader) => follow(leader),
+                Ahead::Stands(Standing { rear, .. }, Passage::Here(beside)) => {
+                    if rear < nearest {
+                        (nearest, offset) = (rear, beside);
+                    }
+                }
+                Ahead::Stands(found, Passage::Opposite(beside)) => blocks.push((found.rear, found.front, beside)),
             }
         }
-        let goal = arrival::desired(request, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, true);
+        let goal = arrival::desired(request, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, Some(0.0));
         let (goal_velocity, goal_stop) = goal;
+        let goal_velocity = request.lane_change.velocity.unwrap_or(goal_velocity);
+        if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
+            // Where the agent has to stop there is no room to return, as behind a leader that stands.
+            let stops = lasting().chain(goal_stop.map(|s| s + front - start.s));
+            let stops = stops.map(|rear| Leader { rear, velocity: 0.0 });
+            // Looked for once more, as plans without a detour have to do without memory for them.
+            let leaders = all().filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
+            let leaders: Vec<Leader> = leaders.chain(stops).collect();
+            let comfortable = (comfort.deceleration, comfort.standstill_gap);
+            let place = Place { s: start.s, d: start.d, velocity: start.velocity };
+            if let Some(leader) = detour.wait(request, &place, &leaders, comfortable) {
+                follow(leader);
+            } else if detour.rear() < nearest {
+                (offset, swing) = (detour.offset, detour.swing(front));
+            }
+        }
         let middle = start.s + vehicle.rear_axle_to_center;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
@@ -103,7 +136,7 @@ impl Targets {
         let mut axle_barriers = Barriers::NONE;
         axle_barriers.extend(barriers().map(|one| Barrier { s: for_axle(one.s), ..*one }));
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, limit, stops, barriers: axle_barriers }
+        Self { velocity, limit, stops, barriers: axle_barriers, offset, swing }
     }
 }
 
@@ -177,9 +210,9 @@ impl Stretch {
     }
 }
 
-/// The participant as a leader, if it is ahead, its footprint in the corridor between the agent and the path, and it stands
-/// or moves along the path. Structures of several parts are left to the collision test.
-fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader> {
+/// The participant as a leader or as one to be passed, if it is ahead, its footprint in the corridor between the agent and
+/// the path, and it stands or moves along the path. Structures of several parts are left to the collision test.
+fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetSettings) -> Option<Ahead> {
     if other.is_static && other.shape.parts().len() > 1 {
         return None;
     }
@@ -212,7 +245,10 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     if !ahead || beside || !(stands || moves_along) {
         return None;
     }
-    Some(Leader { rear: s - half_s, velocity })
+    let rear = s - half_s;
+    let found = Standing { rear, front: s + half_s, d, half_d, cos };
+    let passage = if stands { found.passage(other, request, settings.d_max) } else { None };
+    Some(passage.map_or(Ahead::Leads(Leader { rear, velocity }), |passage| Ahead::Stands(found, passage)))
 }
 
 /// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or

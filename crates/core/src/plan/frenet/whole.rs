@@ -152,7 +152,7 @@ impl Whole {
             (squares * limits.dt).sqrt()
         };
         let velocity: f64 = self.points.iter().map(|p| (p.velocity - targets.velocity).powi(2)).sum();
-        let offset: f64 = self.points[n - n / 2..].iter().map(|p| p.d.powi(2)).sum();
+        let offset: f64 = self.points[n - n / 2..].iter().map(|p| (p.d - targets.offset).powi(2)).sum();
         self.terms = [velocity.sqrt(), offset.sqrt(), jerk(|m| m.d_dot), jerk(|m| m.s_dot)];
         let [velocity, offset, lateral, longitudinal] = self.terms;
         self.total = from_tables(weights, velocity, offset, lateral, longitudinal);

@@ -14,6 +14,9 @@ const GAP_UNDER_WAY: f64 = 0.5;
 /// from the other end can return before it.
 const WAITING_GAP: f64 = 7.0;
 const YIELDING_GAP: f64 = 11.0;
+/// Offset of the front at which the swing ends [m], and the shortest and longest swing.
+const SWING_BESIDE: f64 = 2.0;
+const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
 const ACCELERATION: f64 = 1.0;
 const SPEED: f64 = 6.0;
@@ -26,11 +29,11 @@ const ROUNDING: f64 = 1e-6;
 
 /// A participant that the agent follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Leader {
+pub(in crate::plan) struct Leader {
     /// Arc length of its nearest point [m].
-    pub(super) rear: f64,
+    pub(in crate::plan) rear: f64,
     /// Its speed along the path [m/s], not negative.
-    pub(super) velocity: f64,
+    pub(in crate::plan) velocity: f64,
 }
 
 /// What comes on the lane of the other direction.
@@ -44,13 +47,13 @@ enum Oncoming {
 
 /// All that stands in a row and is passed over the lane of the other direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Detour {
+pub(in crate::plan) struct Detour {
     /// Arc lengths between which it stands [m].
     rear: f64,
     front: f64,
     /// Offset beside the first of them [m]. The agent aims at no more than that: once the first one lies behind, the next
     /// one is the first.
-    pub(super) offset: f64,
+    pub(in crate::plan) offset: f64,
     /// The largest offset [m]: before the agent enters, nothing may stand there either.
     widest: f64,
 }
@@ -58,7 +61,7 @@ pub(super) struct Detour {
 impl Detour {
     /// Past the nearest of some (arc lengths, offset), together with those so near behind it that the agent does not
     /// return in between.
-    pub(super) fn past(blocks: &mut [(f64, f64, f64)], vehicle_length: f64) -> Option<Self> {
+    pub(in crate::plan) fn past(blocks: &mut [(f64, f64, f64)], vehicle_length: f64) -> Option<Self> {
         blocks.sort_by(|a, b| a.0.total_cmp(&b.0));
         let (&(rear, front, offset), others) = blocks.split_first()?;
         let mut detour = Self { rear, front, offset, widest: offset };
@@ -75,14 +78,19 @@ impl Detour {
     }
 
     /// Arc length of its nearest point [m].
-    pub(super) fn rear(&self) -> f64 {
+    pub(in crate::plan) fn rear(&self) -> f64 {
         self.rear
+    }
+
+    /// Length in which an agent has moved over that starts from rest, with its front at an arc length [m].
+    pub(in crate::plan) fn swing(&self, front: f64) -> f64 {
+        (self.rear - front + SWING_BESIDE).clamp(SWING.0, SWING.1)
     }
 
     /// What the agent follows at a gap [m] until it may pass; `None` if it may pass now. It depends on nothing but what the
     /// agent sees: once beside what stands, or too fast to stop before it, the agent goes on; when it has begun to move
     /// over, smaller gaps suffice.
-    pub(super) fn wait(
+    pub(in crate::plan) fn wait(
         &self,
         request: &PlanRequest,
         start: &Place,

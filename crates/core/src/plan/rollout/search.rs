@@ -100,7 +100,9 @@ impl<'a> Search<'a> {
     pub(super) fn run(mut self) -> Best {
         let request = self.task.request;
         let start = self.task.start;
-        let step = request.lane_change.step.min(start.d.abs()).copysign(start.d);
+        let change = &request.lane_change;
+        // A change that is urgent aims at the middle of the lane.
+        let step = if change.urgency > 1.0 { f64::INFINITY } else { change.step }.min(start.d.abs()).copysign(start.d);
         let middle = start.d - step;
         self.drive_beside(&[middle]);
         if self.cost() > HELD_UP_COST {

@@ -1,5 +1,6 @@
 //! Settings of the planner: every number of its behaviour that a user may want to change.
 
+use super::super::lane_change::Seeking;
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
 settings! {
@@ -70,6 +71,14 @@ settings! {
         weights: RolloutWeights;
         /// Comfortable driving.
         comfort: Comfort;
+    }
+}
+
+impl Comfort {
+    /// How an agent seeks a gap to change lanes.
+    pub(in crate::plan) fn seeking(&self) -> Seeking {
+        let Self { deceleration, cruise_velocity_min, velocity_step, .. } = *self;
+        Seeking { deceleration, cruise_velocity_min, velocity_step }
     }
 }
 

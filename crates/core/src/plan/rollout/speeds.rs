@@ -28,6 +28,8 @@ const OPENING: f64 = 0.7;
 /// An agent that closes in keeps this share of the gap to a standing leader, and at least some room [m].
 const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
+/// An agent aims this far inside the goal's interval of speeds, as it reaches its desired speed late [m/s].
+const SPEED_RESERVE: f64 = 0.7;
 /// Walking pace [m/s].
 const WALKING_SPEED: f64 = 1.5;
 /// How far ahead curves and limits count [m], and for how long [s].
@@ -94,7 +96,7 @@ pub(super) struct Task<'a> {
 impl<'a> Task<'a> {
     pub(super) fn new(request: &'a PlanRequest<'a>, comfort: &'a Comfort, start: Start, n_points: usize) -> Self {
         let at = (start.s, start.velocity);
-        let (velocity, _) = arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, true);
+        let (velocity, _) = arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, Some(SPEED_RESERVE));
         let wish = request.lane_change.velocity.unwrap_or(velocity).min(request.vehicle.velocity_max).max(0.0);
         Self { request, comfort, start, n_points, wish }
     }

@@ -88,8 +88,9 @@ impl Obstacles {
         }
         let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
         let time = (interval + 1) as f64 * dt;
-        let keeps_distance = keeps_lane && is_follower(&ego, &swept.end);
-        let waits = keeps_lane && must_yield(&ego, &swept, dt, time);
+        let change = &request.lane_change;
+        let keeps_distance = (keeps_lane || change.is_accepted) && is_follower(&ego, &swept.end);
+        let waits = keeps_lane && !change.is_under_way && must_yield(&ego, &swept, dt, time);
         if keeps_distance || waits {
             return Meeting::Ignored;
         }
