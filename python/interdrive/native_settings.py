@@ -76,7 +76,7 @@ class Comfort:
 
 @dataclass(frozen=True)
 class Rollout:
-    """Closed-loop roll-outs: a few ways, paces and steering laws, each driven ahead by a model of the vehicle, and one cost.
+    """Closed-loop roll-outs: a few ways, paces and steering laws, driven ahead by a model of the vehicle, and one cost.
 
     See docs/reference/planner_rollout.md.
 

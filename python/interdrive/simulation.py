@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored
 from interdrive.config.binding import flatten
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of
 from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError
@@ -58,7 +59,7 @@ class Simulation:
         scenario: ScenarioSpec,
         *,
         agents: str | int | Sequence[int] = "all",
-        planner: PlannersSpec = "frenet",
+        planner: PlannersSpec = DEFAULT_PLANNER,
         predictor: PredictorSpec = "neural",
         views: ViewsSpec | None = None,
         rules: RulesSpec | None = None,
@@ -410,7 +411,7 @@ def simulate(
     scenario: ScenarioSpec,
     *,
     agents: str | int | Sequence[int] = "all",
-    planner: PlannersSpec = "frenet",
+    planner: PlannersSpec = DEFAULT_PLANNER,
     predictor: PredictorSpec = "neural",
     views: ViewsSpec | None = None,
     rules: RulesSpec | None = None,

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use interdrive_core::plan::frenet::{self, CostWeights, FrenetTarget};
-use interdrive_core::plan::rollout::{self, RolloutCandidates, RolloutWeights};
-use interdrive_core::plan::{Candidates, Planner};
 use interdrive_core::plan::learned::ActionSpace;
 use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
+use interdrive_core::plan::rollout::{self, RolloutCandidates, RolloutWeights};
 use interdrive_core::plan::weights::{WeightActions, WeightChange};
+use interdrive_core::plan::{Candidates, Planner};
 use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
 use interdrive_core::vehicle::single_track::Kinematic;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};

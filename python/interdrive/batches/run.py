@@ -15,6 +15,7 @@ from interdrive.batches.job import KEEP, Finished, Job, agents_of, content_of, e
 from interdrive.batches.plan import Problem, planned
 from interdrive.batches.pool import Pool, Task
 from interdrive.batches.store import BatchFolder, recordings_in
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import settings_of
 from interdrive.errors import InputError, InterdriveError
 from interdrive.storage import keep_inputs, resolved
@@ -94,7 +95,7 @@ def batch(
     paths: Iterable[str | Path] | str | Path,
     out: str | Path,
     *,
-    planner: PlannerSpecs = "frenet",
+    planner: PlannerSpecs = DEFAULT_PLANNER,
     predictor: PredictorSpecs = "neural",
     agents: str | int = "all",
     traffic: str | None = None,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from interdrive.config.binding import dotted
-from interdrive.config.plugins import read_choice
+from interdrive.config.plugins import DEFAULT_PLANNER, read_choice
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class RunChoices:
 
     scenario: str = ""
     agents: int | tuple[int, ...] | str = "all"
-    planner: str = "frenet"
+    planner: str = DEFAULT_PLANNER
     predictor: str = "neural"
     v2x: float | None = None
     seed: int = 0
@@ -41,7 +41,7 @@ class BatchChoices:
     """Options of `batch` besides settings, with their names in a configuration file; its help describes them."""
 
     paths: tuple[str, ...] = ()
-    planner: tuple[str, ...] = ("frenet",)
+    planner: tuple[str, ...] = (DEFAULT_PLANNER,)
     predictor: tuple[str, ...] = ("neural",)
     agents: int | str = "all"
     traffic: str | None = None

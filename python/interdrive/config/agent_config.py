@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.plugins import read_choice
+from interdrive.config.plugins import DEFAULT_PLANNER, read_choice
 from interdrive.config.specs import (
     DEFAULT,
     AgentChoice,
@@ -113,7 +113,7 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
     """
     own: dict[object, AgentChoice] = {}
     if is_per_agent(planner):
-        default = read_planner(planner.get(DEFAULT, "frenet"), settings.planner)
+        default = read_planner(planner.get(DEFAULT, DEFAULT_PLANNER), settings.planner)
         for agent, spec in planner.items():
             if agent == DEFAULT:
                 continue
@@ -163,8 +163,10 @@ def agent_configs(
     for agent in agents:
         choice = own.get(agent.id, config.default)
         if agent.id not in own and choice.planner.native in RECORDED_PATH and agent.id not in recorded:
-            notes.append(f"agent {agent.id} has no recording for planner {choice.planner.name}: frenet drives it")
-            choice = replace(choice, planner=read_planner("frenet", settings.planner).planner)
+            notes.append(
+                f"agent {agent.id} has no recording for planner {choice.planner.name}: {DEFAULT_PLANNER} drives it"
+            )
+            choice = replace(choice, planner=read_planner(DEFAULT_PLANNER, settings.planner).planner)
         try:
             view = _record("view", settings.view, looks.get(agent.id, looks.get(DEFAULT, {})))
             kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(DEFAULT, {})))

@@ -17,6 +17,9 @@ from typing import Any
 from interdrive.config.binding import bind, constructed, description, dotted
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
+#: The planner of agents for which none is chosen.
+DEFAULT_PLANNER = "frenet"
+
 
 @dataclass(frozen=True)
 class Choice:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.plugins import Choice, find, made, read_choice
+from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
 from interdrive.planners import RECORDS as PLANNER_RECORDS
@@ -216,7 +216,7 @@ def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice
     own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name != "v2x"}
     if choice.chosen is not None:
         return AgentChoice(_resolved(Choice(choice.chosen, own), usual, _PLANNER), view, rules, v2x)
-    base = default or AgentChoice(_resolved("frenet", usual, _PLANNER))
+    base = default or AgentChoice(_resolved(DEFAULT_PLANNER, usual, _PLANNER))
     planner = _resolved(Choice(base.planner, own), usual, _PLANNER)
     return AgentChoice(planner, {**base.view, **view}, {**base.rules, **rules}, base.v2x if v2x is None else v2x)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 import numpy as np
 
 from interdrive.config.binding import flatten
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import ResultsError
 from interdrive.results.run_json import check_information
@@ -138,7 +139,7 @@ def information(run: RunRecord) -> RunInformation:
 
 
 #: Choices of a run that were left to their defaults.
-_USUAL = {"agents": "all", "planner": "frenet", "predictor": "neural", "seed": 0}
+_USUAL = {"agents": "all", "planner": DEFAULT_PLANNER, "predictor": "neural", "seed": 0}
 
 
 def origin_of_run(run: RunRecord) -> Origin:

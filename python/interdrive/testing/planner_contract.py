@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InputError
 from interdrive.foreign import failure
 from interdrive.planners.contract import stated
@@ -196,7 +197,7 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
         findings: list[PlannerContractError] = []
         watched = partial(_Watched, factory, seconds_max, findings)
         others, settings = _V2X.get(name, ([], {}))
-        planners: dict[int, PlannerSpec] = {100: watched, **dict.fromkeys(others, "frenet")}
+        planners: dict[int, PlannerSpec] = {100: watched, **dict.fromkeys(others, DEFAULT_PLANNER)}
         run = simulate(scenario, agents=[*others, 100], planner=planners, settings=settings, threads=1)
         if findings:
             raise PlannerContractError(f"{name}, {findings[0]}") from findings[0].__cause__
@@ -213,7 +214,7 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
 def _warn_of_violations(factory: Callable[[], Planner]) -> None:
     for name, scenario in _worlds_with_rules().items():
         others = [problem.id for problem in scenario.planning_problems if problem.id != 100]
-        planners: dict[int, PlannerSpec] = {100: factory, **dict.fromkeys(others, "frenet")}
+        planners: dict[int, PlannerSpec] = {100: factory, **dict.fromkeys(others, DEFAULT_PLANNER)}
         run = simulate(
             scenario, agents=[*others, 100], planner=planners, settings={"rules.precedence": True}, threads=1
         )

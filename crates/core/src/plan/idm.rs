@@ -33,7 +33,8 @@ settings! {
 impl IdmSettings {
     /// Desired speed from the goal alone [m/s].
     pub(super) fn goal_velocity(&self, request: &PlanRequest, start: &Start) -> f64 {
-        let (velocity, _) = arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, None);
+        let (velocity, _) =
+            arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, None);
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
     }
 }

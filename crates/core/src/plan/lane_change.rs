@@ -156,8 +156,13 @@ impl LaneRoutes {
                 return (origin, LaneChange { end: end(&need), ..LaneChange::default() });
             }
             let time = need.map_or(0.0, |need| (need.last_chance - front(origin.s)) / velocity.max(1.0));
-            let change =
-                LaneChange { is_accepted: is_safe, is_under_way: true, step: step(time), urgency: urgency(time), ..LaneChange::default() };
+            let change = LaneChange {
+                is_accepted: is_safe,
+                is_under_way: true,
+                step: step(time),
+                urgency: urgency(time),
+                ..LaneChange::default()
+            };
             return (aim, change);
         }
         let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
@@ -173,7 +178,13 @@ impl LaneRoutes {
         let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !can_stop(aim.s, &need) {
-            let change = LaneChange { is_accepted, is_under_way: true, step: step(time), urgency: urgency(time), ..LaneChange::default() };
+            let change = LaneChange {
+                is_accepted,
+                is_under_way: true,
+                step: step(time),
+                urgency: urgency(time),
+                ..LaneChange::default()
+            };
             return (there, change);
         }
         let velocity = self.seek(request, comfort, time_gap, (aim, there), waiting.end);
@@ -224,7 +235,13 @@ impl LaneRoutes {
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
-        let (wish, _) = arrival::desired(&along, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, Some(0.0));
+        let (wish, _) = arrival::desired(
+            &along,
+            (start.s, start.velocity),
+            comfort.deceleration,
+            comfort.cruise_velocity_min,
+            Some(0.0),
+        );
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;

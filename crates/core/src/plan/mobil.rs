@@ -106,7 +106,8 @@ pub(super) fn plan(
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
-        let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration).min(0.0);
+        let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration)
+            .min(0.0);
         let wanted = free + taken;
         let beside = yields_to.map_or(f64::INFINITY, |leader| {
             let gap = leader.gap + leader.velocity * point as f64 * request.dt - (s - start.s);

@@ -274,7 +274,9 @@ pub enum Candidates {
 /// All that a plan was chosen from, with costs and the reasons of rejection; `None` for a planner that does not choose.
 pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<Candidates> {
     match planner {
-        Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(&prepared.aim(request, &settings.comfort.seeking()), settings))),
+        Planner::Frenet(settings) => {
+            Some(Candidates::Frenet(frenet::candidates(&prepared.aim(request, &settings.comfort.seeking()), settings)))
+        }
         Planner::Rollout(settings) => {
             let aimed = prepared.aim(request, &settings.comfort.seeking());
             Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))

@@ -7,7 +7,6 @@ use std::cell::OnceCell;
 
 use super::car_following::LEADER_HEADING_COSINE;
 use super::conflicts::LINE_GAP;
-use super::rollout::Comfort;
 use super::{Other, PlanRequest};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::STATIONARY_SPEED;
@@ -58,14 +57,14 @@ pub(super) struct Obstructions {
 }
 
 impl Obstructions {
-    /// Ahead of an agent with its rear axle at an arc length and an offset [m], with a speed [m/s].
-    pub(super) fn ahead(request: &PlanRequest, comfort: &Comfort, (s, d, velocity): (f64, f64, f64)) -> Self {
-        let place = Place { s, d, velocity };
+    /// Ahead of an agent that brakes comfortably with a deceleration [m/s²] and keeps a gap to what stands [m].
+    pub(super) fn ahead(request: &PlanRequest, place: &Place, (deceleration, gap): (f64, f64)) -> Self {
+        let Place { s, velocity, .. } = *place;
         let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
         let near = front + reach(velocity);
         let (mut found, mut leaders, mut blocks) = (Self::default(), Vec::new(), Vec::new());
         for other in request.others {
-            let Some((standing, velocity)) = Standing::of(other, request, &place) else { continue };
+            let Some((standing, velocity)) = Standing::of(other, request, place) else { continue };
             let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
             match passage {
                 Some(Passage::Here(offset)) if standing.rear < near => found.beside.push(offset),
@@ -77,9 +76,10 @@ impl Obstructions {
         let Some(detour) = Detour::past(&mut blocks, request.vehicle.length) else { return found };
         // Where the agent has to stop there is no room to return, as behind a leader that stands.
         let stops = request.barriers(request.rules.way, s);
-        leaders.extend(stops.iter().filter(|one| one.until.is_infinite()).map(|one| Leader { rear: one.s, velocity: 0.0 }));
-        let gap = comfort.standstill_gap;
-        match detour.wait(request, &place, &leaders, (comfort.deceleration, gap)) {
+        leaders.extend(
+            stops.iter().filter(|one| one.until.is_infinite()).map(|one| Leader { rear: one.s, velocity: 0.0 }),
+        );
+        match detour.wait(request, place, &leaders, (deceleration, gap)) {
             Some(leader) => {
                 found.wait = Some(Barrier::lasting(leader.rear - gap + LINE_GAP, BarrierReason::Yield));
             }

@@ -10,7 +10,9 @@ use crate::barrier::Barriers;
 use crate::error::Result;
 use crate::geometry::Point;
 use crate::plan::frenet::{self, CostWeights, FrenetSettings, FrenetTarget};
-use crate::plan::{self, Candidates, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex};
+use crate::plan::{
+    self, Candidates, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex,
+};
 use crate::predict::completed;
 use crate::rules::Rules;
 use crate::scene::Scene;
@@ -66,7 +68,8 @@ impl World {
         let (scene, expected) = (&*step.scene, step.expected()?);
         self.check_time_step("scene", scene.time_step)?;
         let drive = &self.drives[self.drive_index(id)?];
-        if !matches!(drive.agent.planner, Planner::Rollout(_) | Planner::Frenet(_)) || !drive.is_driving(self.time_step) {
+        if !matches!(drive.agent.planner, Planner::Rollout(_) | Planner::Frenet(_)) || !drive.is_driving(self.time_step)
+        {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);

@@ -32,13 +32,13 @@ mod obstruction;
 mod candidates;
 mod single;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
+pub(super) use obstacles::part_boxes;
 pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
-pub(super) use obstacles::part_boxes;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult, emergency_braking};

@@ -4,8 +4,8 @@ use super::super::arrival::{self, LOOK_AHEAD};
 use super::super::car_following::LEADER_HEADING_COSINE;
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
-use super::super::{Other, PlanRequest};
 use super::super::passing::{self, Detour, Leader, Passage, Place, Standing};
+use super::super::{Other, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
 use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::conduct::STATIONARY_SPEED;
@@ -95,7 +95,13 @@ impl Targets {
                 Ahead::Stands(found, Passage::Opposite(beside)) => blocks.push((found.rear, found.front, beside)),
             }
         }
-        let goal = arrival::desired(request, (start.s, start.velocity), comfort.deceleration, comfort.cruise_velocity_min, Some(0.0));
+        let goal = arrival::desired(
+            request,
+            (start.s, start.velocity),
+            comfort.deceleration,
+            comfort.cruise_velocity_min,
+            Some(0.0),
+        );
         let (goal_velocity, goal_stop) = goal;
         let goal_velocity = request.lane_change.velocity.unwrap_or(goal_velocity);
         if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {

@@ -2,7 +2,7 @@
 
 use super::super::PlanRequest;
 use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
-use super::{CLEARANCES, Place, LEAD, ROOM_STEP, SWING_LENGTH, Section, reach};
+use super::{CLEARANCES, LEAD, Place, ROOM_STEP, SWING_LENGTH, Section, reach};
 use crate::conduct::STATIONARY_SPEED;
 use crate::rules::{EARLY_ACCELERATION, travel_time};
 

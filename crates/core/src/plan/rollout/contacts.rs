@@ -12,8 +12,9 @@ use crate::geometry::shape::OrientedBox;
 const OWN_LANE: f64 = 1.0;
 /// A participant behind is a follower if it heads within 45 degrees of the agent (cosine).
 const FOLLOWER_COSINE: f64 = 0.7;
-/// A participant that is faster than this [m/s] yields if this deceleration is enough [m/s²].
-const YIELDING_SPEED: f64 = 0.2;
+/// A participant within these speeds [m/s] yields if this deceleration is enough [m/s²]: at walking pace two vehicles would
+/// wait for each other otherwise. Whoever is faster may be replayed, or not look.
+const YIELDING_SPEEDS: (f64, f64) = (0.2, 2.5);
 const YIELDING_DECELERATION: f64 = 4.0;
 /// Being nearer than this is a risk, along and across the other's heading [m], and this much more for each second ahead
 /// [m/s]: so predictions spread.
@@ -72,7 +73,13 @@ pub(super) struct Surroundings {
 }
 
 impl Surroundings {
-    pub(super) fn prepare(&mut self, request: &PlanRequest, settings: &RolloutSettings, start: &Start, n_points: usize) {
+    pub(super) fn prepare(
+        &mut self,
+        request: &PlanRequest,
+        settings: &RolloutSettings,
+        start: &Start,
+        n_points: usize,
+    ) {
         self.bodies.clear();
         self.boxes.clear();
         let vehicle = request.vehicle;
@@ -157,7 +164,17 @@ impl Surroundings {
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
             let radius = now.radius();
             let is_static = false;
-            self.bodies.push(Body { other: index, probability, is_hard, first, n, is_static, overlaps_now, margin, radius });
+            self.bodies.push(Body {
+                other: index,
+                probability,
+                is_hard,
+                first,
+                n,
+                is_static,
+                overlaps_now,
+                margin,
+                radius,
+            });
         }
     }
 
@@ -181,7 +198,13 @@ impl Surroundings {
         first
     }
 
-    fn contact(&self, body: &Body, request: &PlanRequest, points: &[RolloutPoint], keeps_margin: bool) -> Option<Contact> {
+    fn contact(
+        &self,
+        body: &Body,
+        request: &PlanRequest,
+        points: &[RolloutPoint],
+        keeps_margin: bool,
+    ) -> Option<Contact> {
         let [along, across] = if keeps_margin { body.margin } else { [0.0; 2] };
         let vehicle = request.vehicle;
         let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along + across;
@@ -238,14 +261,10 @@ impl Surroundings {
                 }
                 let ego = points[i].footprint(request);
                 let (cos, sin) = (other.axis.dot(ego.axis).abs(), other.axis.cross(ego.axis).abs());
-                let along = offset.dot(other.axis).abs()
-                    - other.half_length
-                    - ego.half_length * cos
-                    - ego.half_width * sin;
-                let across = other.axis.cross(offset).abs()
-                    - other.half_width
-                    - ego.half_length * sin
-                    - ego.half_width * cos;
+                let along =
+                    offset.dot(other.axis).abs() - other.half_length - ego.half_length * cos - ego.half_width * sin;
+                let across =
+                    other.axis.cross(offset).abs() - other.half_width - ego.half_length * sin - ego.half_width * cos;
                 let nearness = 1.0 - (along / long).max(across / wide).max(0.0);
                 if nearness > 0.0 {
                     let is_follower =
@@ -274,5 +293,5 @@ fn must_yield(ego: &OrientedBox, other: &OrientedBox, moved: Point, dt: f64, tim
     let front = other.center + other.axis * other.half_length;
     let speed = moved.dot(other.axis) / dt;
     let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
-    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
+    is_behind && (YIELDING_SPEEDS.0..YIELDING_SPEEDS.1).contains(&speed) && speed <= 2.0 * YIELDING_DECELERATION * time
 }

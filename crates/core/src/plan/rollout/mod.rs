@@ -13,16 +13,18 @@ mod steering;
 mod contacts;
 mod search;
 mod candidates;
+#[cfg(test)]
+mod tests;
 
-pub(super) use candidates::candidates;
 pub use candidates::RolloutCandidates;
+pub(super) use candidates::candidates;
 pub use settings::{Comfort, N_TERMS, RolloutSettings, RolloutWeights};
 pub(in crate::plan) use start::Start;
 
 use super::conflicts::Conflicts;
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult};
-use crate::geometry::Point;
+use crate::geometry::Pose;
 use crate::trajectory::{Obstruction, PlanStatus, Trajectory};
 use contacts::{Contact, Surroundings};
 use search::{Best, Search};
@@ -54,7 +56,11 @@ impl RolloutMemory {
 
 /// The plan for a request: a trajectory with a point every dt over the horizon, point 0 the present state; `None` if the agent
 /// is not beside its path.
-pub(super) fn plan(request: &PlanRequest, settings: &RolloutSettings, memory: &mut RolloutMemory) -> Option<PlanResult> {
+pub(super) fn plan(
+    request: &PlanRequest,
+    settings: &RolloutSettings,
+    memory: &mut RolloutMemory,
+) -> Option<PlanResult> {
     memory.effort = 0;
     let best = best(request, settings, memory)?;
     let is_emergency = best.is_emergency || best.contact.is_some() && best.cost > DANGER_COST;
@@ -62,10 +68,10 @@ pub(super) fn plan(request: &PlanRequest, settings: &RolloutSettings, memory: &m
     if !is_emergency {
         return Some(PlanResult::planned(trajectory, best.cost));
     }
-    let obstruction = Some(best.contact.map_or_else(
-        || Obstruction::nowhere("collision"),
-        |contact| obstruction(request, &best.rollout, &contact),
-    ));
+    let obstruction = Some(
+        best.contact
+            .map_or_else(|| Obstruction::nowhere("collision"), |contact| obstruction(request, &best.rollout, &contact)),
+    );
     Some(PlanResult { status: PlanStatus::EmergencyBraking, obstruction, ..PlanResult::planned(trajectory, best.cost) })
 }
 
@@ -89,10 +95,9 @@ fn obstruction(request: &PlanRequest, rollout: &Rollout, contact: &Contact) -> O
             Obstruction { at: point.center, ..Obstruction::nowhere(&format!("collision with {id}")) }
         }
         None => {
-            let pose = crate::geometry::Pose { position: point.center, orientation: point.theta };
+            let pose = Pose { position: point.center, orientation: point.theta };
             let overhang = request.road.overhang(request.shape, pose, &mut Vec::new());
-            let at: Point = point.center;
-            Obstruction { at, overhang, ..Obstruction::nowhere("off the road") }
+            Obstruction { at: point.center, overhang, ..Obstruction::nowhere("off the road") }
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Which proposals are driven, and which of them is the best.
 
+use super::super::PlanRequest;
 use super::super::conflicts::Ego;
 use super::super::frame::project;
-use super::super::passing::Obstructions;
-use super::super::PlanRequest;
+use super::super::passing::{Obstructions, Place};
 use super::contacts::Contact;
 use super::settings::{N_TERMS, RolloutSettings};
 use super::speeds::{Pace, Speeds, Task};
@@ -91,7 +91,11 @@ impl<'a> Search<'a> {
         task.fill(&mut memory.profile);
         memory.surroundings.prepare(request, settings, &start, n_points);
         let free = Speeds::free(&task, &memory.profile);
-        let obstructions = Obstructions::ahead(request, &settings.comfort, (start.s, start.d, start.velocity));
+        let obstructions = Obstructions::ahead(
+            request,
+            &Place { s: start.s, d: start.d, velocity: start.velocity },
+            (settings.comfort.deceleration, settings.comfort.standstill_gap),
+        );
         let before = previous_offset(request);
         Self { task, settings, memory, free, obstructions, before, is_narrow: false, best: None }
     }
@@ -241,7 +245,11 @@ impl<'a> Search<'a> {
         let mut terms = [0.0; N_TERMS];
         terms[..4].copy_from_slice(&proposal.terms);
         let end = rollout.points[rollout.points.len() - 1].d;
-        terms[4..7].copy_from_slice(&[rollout.lateral, request.lane_change.urgency * rollout.offset, self.before.map_or(0.0, |d| (end - d).abs())]);
+        terms[4..7].copy_from_slice(&[
+            rollout.lateral,
+            request.lane_change.urgency * rollout.offset,
+            self.before.map_or(0.0, |d| (end - d).abs()),
+        ]);
         let price = |terms: &[f64; N_TERMS]| {
             // What the proposal costs beyond its speeds.
             let extra = proposal.bound - Speeds::cost(proposal.terms, weights);

@@ -53,7 +53,7 @@ settings! {
         cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 
-    /// Closed-loop roll-outs: a few ways, paces and steering laws, each driven ahead by a model of the vehicle, and one cost.
+    /// Closed-loop roll-outs: a few ways, paces and steering laws, driven ahead by a model of the vehicle, and one cost.
     ///
     /// See docs/reference/planner_rollout.md.
     pub struct RolloutSettings as Rollout {

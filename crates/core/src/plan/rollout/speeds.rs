@@ -19,13 +19,15 @@ const EXCESS: f64 = 1.0;
 const URGENCY: f64 = 2.0;
 /// ... and for braking harder than this it is not limited [m/s²].
 const NEEDED_BRAKING: f64 = 4.0;
+/// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
+const NEEDED_SHARE: f64 = 0.6;
 /// Curves and limits are looked at so far ahead [s].
 const PREVIEW: f64 = 0.5;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
 const OPENING: f64 = 0.7;
-/// An agent that closes in keeps this share of the gap to a standing leader, and at least some room [m].
+/// An agent that closes in on what moves keeps this share of the gap to a standing leader, and at least some room [m].
 const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
 /// An agent aims this far inside the goal's interval of speeds, as it reaches its desired speed late [m/s].
@@ -96,7 +98,8 @@ pub(super) struct Task<'a> {
 impl<'a> Task<'a> {
     pub(super) fn new(request: &'a PlanRequest<'a>, comfort: &'a Comfort, start: Start, n_points: usize) -> Self {
         let at = (start.s, start.velocity);
-        let (velocity, _) = arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, Some(SPEED_RESERVE));
+        let (velocity, _) =
+            arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, Some(SPEED_RESERVE));
         let wish = request.lane_change.velocity.unwrap_or(velocity).min(request.vehicle.velocity_max).max(0.0);
         Self { request, comfort, start, n_points, wish }
     }
@@ -148,9 +151,7 @@ impl Speeds {
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
-            let follow = |room: f64, leader: f64| {
-                following((room, gap), (velocity, leader), comfort)
-            };
+            let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             towards(cap, velocity, comfort).min(allowed)
         });
@@ -199,8 +200,11 @@ fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
 fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &Comfort) -> f64 {
     let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
     let closing = (velocity - leader).max(0.0);
-    let needed = 0.5 * closing * closing / (room - CLOSEST * gap).max(ROOM_MIN);
-    ((safe - velocity) / comfort.time_gap).max(-needed - OPENING)
+    let kept = if leader > 0.0 { CLOSEST * gap } else { gap };
+    let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
+    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - OPENING);
+    // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
+    if needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
 
 /// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
@@ -221,8 +225,7 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     for point in 0..n_points {
         let wanted = law(point, s, velocity);
         let urgency = 1.0 + URGENCY * (-wanted - comfort.deceleration).max(0.0);
-        let lowest =
-            if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - urgency * comfort.jerk * dt };
+        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - urgency * comfort.jerk * dt };
         let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
         let wanted = wanted.clamp(lowest, highest.max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));

@@ -101,7 +101,14 @@ pub(super) struct Rollout {
 
 impl Rollout {
     /// Drives with speeds along the path at an offset [m].
-    pub(super) fn drive(&mut self, request: &PlanRequest, start: &Start, target: f64, speeds: &Speeds, steering: Steering) {
+    pub(super) fn drive(
+        &mut self,
+        request: &PlanRequest,
+        start: &Start,
+        target: f64,
+        speeds: &Speeds,
+        steering: Steering,
+    ) {
         let (vehicle, path, dt) = (request.vehicle, &request.route.path, request.dt);
         let step = LIMIT_SHARE * vehicle.steering_step(dt);
         let tightest = vehicle.curvature_max();

@@ -28,17 +28,17 @@ use crate::vehicle::{ParticipantKind, Vehicle};
 
 /// Another participant that keeps its speed and heading, and is predicted to.
 #[derive(Debug, Clone)]
-pub(super) struct Car {
-    pose: Pose,
-    velocity: f64,
-    shape: Shape,
-    is_static: bool,
+pub(in crate::plan) struct Car {
+    pub(in crate::plan) pose: Pose,
+    pub(in crate::plan) velocity: f64,
+    pub(in crate::plan) shape: Shape,
+    pub(in crate::plan) is_static: bool,
     /// Standard deviation of its predicted position [m], along and across its heading, growing with the root of time.
-    pub(super) sigma: (f64, f64),
+    pub(in crate::plan) sigma: (f64, f64),
 }
 
 impl Car {
-    pub(super) fn at(x: f64, y: f64, orientation: f64, velocity: f64) -> Self {
+    pub(in crate::plan) fn at(x: f64, y: f64, orientation: f64, velocity: f64) -> Self {
         let shape = Shape::rectangle(4.508, 1.61);
         Self { pose: Pose::new(x, y, orientation), velocity, shape, is_static: velocity == 0.0, sigma: (0.4, 0.2) }
     }
@@ -51,23 +51,23 @@ impl Car {
 
 /// An agent on its road, and all that a request needs.
 #[derive(Debug, Clone)]
-pub(super) struct Drive {
-    dt: f64,
-    time_step: i64,
-    state: State,
-    entry_velocity: f64,
-    vehicle: Vehicle,
-    shape: Shape,
-    route: Route,
-    goal: Goal,
-    road: RoadNetwork,
-    cars: Vec<Car>,
-    previous: Option<(Trajectory, usize)>,
+pub(in crate::plan) struct Drive {
+    pub(in crate::plan) dt: f64,
+    pub(in crate::plan) time_step: i64,
+    pub(in crate::plan) state: State,
+    pub(in crate::plan) entry_velocity: f64,
+    pub(in crate::plan) vehicle: Vehicle,
+    pub(in crate::plan) shape: Shape,
+    pub(in crate::plan) route: Route,
+    pub(in crate::plan) goal: Goal,
+    pub(in crate::plan) road: RoadNetwork,
+    pub(in crate::plan) cars: Vec<Car>,
+    pub(in crate::plan) previous: Option<(Trajectory, usize)>,
     /// Predicted steps, and how many steps ago they were predicted.
-    n_predicted: usize,
-    prediction_age: i64,
+    pub(in crate::plan) n_predicted: usize,
+    pub(in crate::plan) prediction_age: i64,
     /// What it obeys, with lines; nothing if there is none.
-    rules: Option<(Control, RulesSettings)>,
+    pub(in crate::plan) rules: Option<(Control, RulesSettings)>,
 }
 
 /// Somewhere, at any time in the next 100 s.
@@ -77,11 +77,11 @@ fn anywhere() -> Goal {
 
 impl Drive {
     /// In the middle of a lane around the points, `width` wide, at `s` with a speed; goal: anywhere.
-    fn along(center: &[Point], s: f64, velocity: f64) -> Self {
+    pub(in crate::plan) fn along(center: &[Point], s: f64, velocity: f64) -> Self {
         Self::on(open(vec![lane(1, center)]), center, s, velocity)
     }
 
-    fn on(road: RoadNetwork, center: &[Point], s: f64, velocity: f64) -> Self {
+    pub(in crate::plan) fn on(road: RoadNetwork, center: &[Point], s: f64, velocity: f64) -> Self {
         let path = ReferencePath::through(center).expect("a test's path");
         let vehicle = Vehicle::BMW_320I;
         let at = path.at(s);
@@ -115,14 +115,19 @@ impl Drive {
     }
 
     /// 300 m along x, three lanes at y = -3.5, 0, 3.5; the path is the middle one.
-    pub(super) fn on_three_lanes(s: f64, velocity: f64) -> Self {
+    pub(in crate::plan) fn on_three_lanes(s: f64, velocity: f64) -> Self {
         let center = |y: f64| straight((0.0, y), (300.0, y));
         let lanes = vec![lane(1, &center(-3.5)), lane(2, &center(0.0)), lane(3, &center(3.5))];
         Self::on(open(lanes), &center(0.0), s, velocity)
     }
 
     /// The goal is the stretch of the path between two arc lengths, in an interval of time steps.
-    fn with_goal(mut self, s: (f64, f64), time_step: (i64, i64), velocity: Option<(f64, f64)>) -> Self {
+    pub(in crate::plan) fn with_goal(
+        mut self,
+        s: (f64, f64),
+        time_step: (i64, i64),
+        velocity: Option<(f64, f64)>,
+    ) -> Self {
         let middle = self.route.path.at(0.5 * (s.0 + s.1));
         let pose = Pose { position: middle.position, orientation: middle.theta };
         let areas = vec![PlacedShape { shape: Shape::rectangle(s.1 - s.0, 3.5), pose }];
@@ -131,7 +136,7 @@ impl Drive {
         self
     }
 
-    pub(super) fn with_cars(mut self, cars: Vec<Car>) -> Self {
+    pub(in crate::plan) fn with_cars(mut self, cars: Vec<Car>) -> Self {
         self.cars = cars;
         self
     }
@@ -164,7 +169,7 @@ impl Drive {
         self.cars.iter().map(|car| car.pose.position).collect()
     }
 
-    pub(super) fn with_request<R>(&self, use_it: impl FnOnce(&PlanRequest) -> R) -> R {
+    pub(in crate::plan) fn with_request<R>(&self, use_it: impl FnOnce(&PlanRequest) -> R) -> R {
         let others: Vec<Other> = self
             .cars
             .iter()
@@ -215,7 +220,7 @@ impl Drive {
     }
 
     /// Drives the first step of the plan; all others move on.
-    fn step(&mut self, result: PlanResult) {
+    pub(in crate::plan) fn step(&mut self, result: PlanResult) {
         self.state = result.trajectory.points[1];
         self.previous = Some((result.trajectory, 1));
         self.time_step += 1;
@@ -225,12 +230,12 @@ impl Drive {
     }
 
     /// Arc length of the rear axle and lateral offset [m].
-    fn place(&self) -> (f64, f64) {
+    pub(in crate::plan) fn place(&self) -> (f64, f64) {
         let rear_axle = self.vehicle.rear_axle_from_center(self.state.pose());
         self.route.path.project(rear_axle).expect("beside the path")
     }
 
-    fn is_in_contact(&self) -> bool {
+    pub(in crate::plan) fn is_in_contact(&self) -> bool {
         self.cars.iter().any(|car| self.shape.overlaps(self.state.pose(), &car.shape, car.pose))
     }
 }

@@ -1,0 +1,190 @@
+//! Specifications of the whole planner, on small invented roads.
+
+use std::f64::consts::{FRAC_PI_4, PI};
+
+use super::{RolloutMemory, RolloutSettings, candidates, plan};
+use crate::geometry::Point;
+use crate::geometry::shape::{Lcg, Shape};
+use crate::plan::PlanResult;
+use crate::plan::frenet::tests::{Car, Drive};
+use crate::road::testing::{arc, lane, open, straight};
+use crate::trajectory::PlanStatus;
+
+fn planned(drive: &Drive) -> PlanResult {
+    let settings = RolloutSettings::default();
+    drive.with_request(|request| plan(request, &settings, &mut RolloutMemory::default()).expect("beside its path"))
+}
+
+/// Drives for some seconds without touching anything; the lowest speed on the way [m/s].
+fn drive_on(drive: &mut Drive, seconds: f64) -> f64 {
+    let mut slowest = f64::INFINITY;
+    for _ in 0..(seconds / drive.dt).round() as usize {
+        let result = planned(drive);
+        drive.step(result);
+        assert!(!drive.is_in_contact(), "{:?}", drive.place());
+        slowest = slowest.min(drive.state.velocity);
+    }
+    slowest
+}
+
+/// One lane along x of a width [m], at 50 m with a speed [m/s], to a goal at 200 m.
+fn in_a_lane(width: f64, velocity: f64) -> Drive {
+    let (left, right) =
+        (straight((0.0, 0.5 * width), (300.0, 0.5 * width)), straight((0.0, -0.5 * width), (300.0, -0.5 * width)));
+    let one = crate::road::LaneletInput { left, right, ..lane(1, &straight((0.0, 0.0), (300.0, 0.0))) };
+    Drive::on(open(vec![one]), &straight((0.0, 0.0), (300.0, 0.0)), 50.0, velocity).with_goal(
+        (200.0, 210.0),
+        (0, 400),
+        None,
+    )
+}
+
+#[test]
+fn a_vehicle_that_stands_45_degrees_askew_drives_off_along_its_lane() {
+    for heading in [-FRAC_PI_4, FRAC_PI_4] {
+        let mut drive = in_a_lane(8.0, 0.0);
+        drive.state.orientation = heading;
+        drive_on(&mut drive, 8.0);
+        let (s, d) = drive.place();
+        assert!(s > 65.0 && d.abs() < 0.5, "{heading} rad: {s} m, {d} m");
+    }
+}
+
+#[test]
+fn a_parked_van_is_passed_where_there_is_room_beside_it_and_waited_for_elsewhere() {
+    // The van is 2 m wide; the agent, 1.61 m wide, has 0.3 m on each side, or lacks 0.1 m.
+    for (room, is_passed) in [(1.61 + 0.6, true), (1.61 - 0.1, false)] {
+        let width = 2.0 + room;
+        let van =
+            Car { shape: Shape::rectangle(5.0, 2.0), is_static: true, ..Car::at(90.0, -0.5 * width + 1.0, 0.0, 0.0) };
+        let mut drive = in_a_lane(width, 8.0).with_cars(vec![van]);
+        let slowest = drive_on(&mut drive, 12.0);
+        let (s, _) = drive.place();
+        assert_eq!(s > 100.0, is_passed, "{room} m of room: {s} m");
+        assert!(!is_passed || slowest > 1.5, "{slowest} m/s");
+    }
+}
+
+#[test]
+fn what_stands_is_evaded_at_23_mps_where_the_next_lane_is_free() {
+    let lanes = |n: i64| -> Vec<_> {
+        (0..n).map(|i| lane(i + 1, &straight((0.0, 3.5 * i as f64), (600.0, 3.5 * i as f64)))).collect()
+    };
+    for (n, distance) in [(2, 45.0), (1, 45.0)] {
+        let center = straight((0.0, 0.0), (600.0, 0.0));
+        let car = Car { is_static: true, ..Car::at(50.0 + distance, 0.0, 0.0, 0.0) };
+        let mut drive = Drive::on(open(lanes(n)), &center, 40.0, 23.0).with_cars(vec![car]);
+        drive_on(&mut drive, 6.0);
+        let (s, _) = drive.place();
+        assert_eq!(s > 120.0, n == 2, "{n} lanes: {s} m");
+    }
+}
+
+#[test]
+fn a_follower_keeps_clear_of_a_leader_that_it_catches_up_with() {
+    let mut drive = in_a_lane(3.5, 15.0).with_cars(vec![Car::at(90.0, 0.0, 0.0, 6.0)]);
+    drive_on(&mut drive, 15.0);
+    // 2 m and 0.85 s behind it, from bumper to bumper.
+    let gap = drive.cars[0].pose.position.x - drive.state.x - 4.508;
+    assert!((gap - (2.0 + 0.85 * 6.0)).abs() < 1.0, "{gap} m");
+}
+
+#[test]
+fn an_agent_waits_for_a_car_that_crosses_and_goes_on_behind_it() {
+    let crossing = straight((100.0, -200.0), (100.0, 200.0));
+    let own = straight((0.0, 0.0), (300.0, 0.0));
+    let cars: Vec<Car> = (0..2).map(|i| Car::at(100.0, -25.0 - 12.0 * f64::from(i), 0.5 * PI, 8.0)).collect();
+    let drive = Drive::on(open(vec![lane(1, &own), lane(2, &crossing)]), &own, 70.0, 8.0);
+    let mut drive = drive.with_goal((200.0, 210.0), (0, 400), None).with_cars(cars);
+    // The second car leaves the crossing after (37 + 1.75 + 2.25) / 8 s.
+    drive_on(&mut drive, 5.1);
+    assert!(drive.place().0 < 97.0, "{:?}", drive.place());
+    drive_on(&mut drive, 3.0);
+    assert!(drive.place().0 > 101.0, "{:?}", drive.place());
+}
+
+#[test]
+fn a_bend_of_12_m_is_taken_at_its_comfortable_speed_and_the_lane_is_kept() {
+    let mut center = straight((0.0, 0.0), (60.0, 0.0));
+    center.extend(arc((60.0, 12.0), 12.0, -0.5 * PI, 0.0).into_iter().skip(1));
+    center.extend(straight((72.0, 12.0), (72.0, 80.0)).into_iter().skip(1));
+    let mut drive = Drive::along(&center, 20.0, 10.0);
+    let mut hardest = 0.0_f64;
+    for _ in 0..120 {
+        let result = planned(&drive);
+        assert_eq!(result.status, PlanStatus::Planned);
+        drive.step(result);
+        hardest = hardest.max((drive.state.velocity * drive.state.yaw_rate).abs());
+        assert!(drive.place().1.abs() < 0.6, "{:?}", drive.place());
+    }
+    let comfortable = RolloutSettings::default().comfort.lateral_acceleration;
+    assert!((0.7 * comfortable..1.6 * comfortable).contains(&hardest), "{hardest} m/s²");
+    assert!(drive.place().0 > 80.0, "{:?}", drive.place());
+}
+
+#[test]
+fn from_any_state_a_plan_starts_there_and_keeps_the_limits_of_the_vehicle() {
+    let mut random = Lcg::new(7);
+    let mut between = |low: f64, high: f64| random.within(low, high);
+    for _ in 0..1000 {
+        let mut drive = Drive::on_three_lanes(100.0, 0.0);
+        let velocity = between(-1.0, 30.0);
+        drive.state.y += between(-3.0, 3.0);
+        drive.state.orientation = between(-1.2, 1.2);
+        (drive.state.velocity, drive.state.acceleration) = (velocity, between(-8.0, 4.0));
+        drive.state.yaw_rate = between(-0.3, 0.3) * velocity.abs().min(5.0);
+        drive.cars =
+            (0..3).map(|_| Car::at(between(80.0, 180.0), between(-4.0, 4.0), between(-3.0, 3.0), 5.0)).collect();
+        let vehicle = drive.vehicle;
+        let points = planned(&drive).trajectory.points;
+        assert_eq!(points[0], drive.state);
+        let curvature =
+            |k: usize| if points[k].velocity > 0.2 { points[k].yaw_rate / points[k].velocity } else { f64::NAN };
+        for k in 1..points.len() {
+            let (before, now) = (&points[k - 1], &points[k]);
+            assert!(now.is_finite());
+            assert!(now.velocity >= 0.0, "{now:?}");
+            let acceleration = (now.velocity - before.velocity.max(0.0)) / drive.dt;
+            assert!(acceleration.abs() <= vehicle.acceleration_max + 1e-9, "{acceleration} m/s²");
+            assert!(
+                curvature(k).is_nan() || curvature(k).abs() <= vehicle.curvature_max() + 1e-9,
+                "{} 1/m",
+                curvature(k)
+            );
+            if k > 1 {
+                let angle = |k: usize| (vehicle.wheelbase * curvature(k)).atan();
+                let rate = (angle(k) - angle(k - 1)) / drive.dt;
+                assert!(rate.is_nan() || rate.abs() <= vehicle.steering_rate_max + 1e-6, "{rate} rad/s at {k}");
+            }
+            let moved = Point::new(now.x - before.x, now.y - before.y).norm();
+            let fastest = now.velocity.max(before.velocity.abs()) * drive.dt;
+            // The centre of the footprint is ahead of the rear axle, which has this speed.
+            let swing = (now.orientation - before.orientation).abs() * vehicle.rear_axle_to_center;
+            assert!(moved <= fastest + swing + 1e-6, "{moved} m at {} m/s", now.velocity);
+        }
+    }
+}
+
+#[test]
+fn a_plan_does_not_depend_on_what_the_memory_was_used_for() {
+    let settings = RolloutSettings::default();
+    let (here, there) =
+        (in_a_lane(3.5, 8.0).with_cars(vec![Car::at(80.0, 0.3, 0.0, 0.0)]), Drive::on_three_lanes(50.0, 20.0));
+    let mut used = RolloutMemory::default();
+    there.with_request(|request| plan(request, &settings, &mut used));
+    let again = here.with_request(|request| plan(request, &settings, &mut used)).expect("a plan");
+    assert_eq!(again, planned(&here));
+}
+
+#[test]
+fn the_chosen_candidate_is_the_plan() {
+    let drive = in_a_lane(3.5, 12.0).with_cars(vec![Car::at(95.0, 0.0, 0.0, 3.0)]);
+    let found = drive.with_request(|request| candidates(request, &RolloutSettings::default()));
+    let (result, chosen) = (planned(&drive), found.chosen.expect("one is chosen"));
+    assert_eq!(result.cost, found.cost[chosen]);
+    for (k, point) in result.trajectory.points.iter().enumerate() {
+        let at = chosen * found.n_points + k;
+        assert!((point.x - found.x[at]).hypot(point.y - found.y[at]) < 1e-9, "point {k}");
+    }
+    assert!(found.cost.iter().zip(&found.rejection).all(|(cost, why)| *cost >= result.cost || !why.is_empty()));
+}
