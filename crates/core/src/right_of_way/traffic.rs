@@ -99,6 +99,8 @@ pub struct Traveller<'a> {
     pub line: f64,
     /// Arc length of the crosswalk before which it has to wait [m]; infinite without one.
     pub crosswalk: f64,
+    /// It does not obey, or is not seen: it asks those who hear it by messages. Behind who asks for nothing it asks for nothing.
+    pub asks_by_message: bool,
     /// It turns right on red: it waits for all others.
     pub turns_on_red: bool,
     /// It sees others up to this distance [m].
@@ -243,7 +245,7 @@ impl Traffic<'_> {
     }
 
     /// The traveller with a body.
-    pub(super) fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
+    pub fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
         let place = self.travellers.binary_search_by_key(&body, |other| other.body).ok()?;
         Some(&self.travellers[place])
     }

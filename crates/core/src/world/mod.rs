@@ -35,7 +35,7 @@ use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::v2x::{Crossing, Network};
+use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
@@ -109,7 +109,7 @@ struct Drive {
     prepared: Arc<Prepared>,
     /// What the rules of the road say about its reference path.
     way: Arc<Way>,
-    /// The areas that it shares with others on its way.
+    /// The conflict zones on its way; empty if it neither obeys orders nor agrees with others.
     course: Arc<Course>,
     /// What it remembers of the next ones.
     memory: Memory,
@@ -121,8 +121,6 @@ struct Drive {
     row: usize,
     /// Place among the agents with V2X.
     place: Option<usize>,
-    /// The junction areas on its path, if it negotiates.
-    crossings: Vec<Crossing>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
