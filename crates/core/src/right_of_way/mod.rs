@@ -17,7 +17,8 @@ mod ways;
 mod windows;
 mod zones;
 
-pub use traffic::{Body, Memory, Order, OrderKind, Place, Reservation, Traffic, Traveller, Yielding};
+pub(crate) use traffic::{Body, Place, Reservation, Traffic, Traveller, Yielding};
+pub use traffic::{Memory, Order, OrderKind};
 pub(crate) use ways::{crossing, strip};
-pub use zones::{Course, DESIGN_WIDTH, Passage, REACH, REACH_TIME, SPEED_MAX, Zone, meeting_width};
-pub(crate) use zones::{MARGIN, reach};
+pub(crate) use zones::{Course, MARGIN, SPEED_MAX, Zone, reach};
+pub use zones::{DESIGN_WIDTH, REACH, REACH_TIME, meeting_width};

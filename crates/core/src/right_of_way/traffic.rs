@@ -82,7 +82,7 @@ pub struct Order {
 
 /// An agent that obeys.
 #[derive(Debug, Clone, Copy)]
-pub struct Traveller<'a> {
+pub(crate) struct Traveller<'a> {
     /// Its body, as a position in `Traffic::bodies`.
     pub body: usize,
     /// Width [m].
@@ -111,7 +111,7 @@ pub struct Traveller<'a> {
 
 /// A place on a lanelet and how far the front is ahead of it [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Index of the lanelet.
     pub lanelet: usize,
     /// Arc length there [m].
@@ -122,7 +122,7 @@ pub struct Place {
 
 /// A participant on the road.
 #[derive(Debug, Clone)]
-pub struct Body {
+pub(crate) struct Body {
     /// Its id.
     pub id: i64,
     /// Length [m].
@@ -135,7 +135,7 @@ pub struct Body {
 
 /// When a participant uses a conflict zone [s from now].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reservation {
+pub(crate) struct Reservation {
     /// The zone, as its side sees it.
     pub zone: Zone,
     /// From then on, as others may expect ...
@@ -154,7 +154,7 @@ pub struct Reservation {
 
 /// Whether a participant that does not obey waits for those that go first by the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Yielding {
+pub(crate) enum Yielding {
     /// It does not.
     No,
     /// It should, but to stop now would be hard: only those that trust others count on it.
@@ -165,7 +165,7 @@ pub enum Yielding {
 
 /// Everything from which ledgers are made in one time step.
 #[derive(Debug, Clone, Copy)]
-pub struct Traffic<'a> {
+pub(crate) struct Traffic<'a> {
     /// Now.
     pub time_step: i64,
     /// Time between steps [s].

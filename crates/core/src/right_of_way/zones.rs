@@ -40,7 +40,7 @@ pub(crate) fn reach(velocity: f64) -> f64 {
 
 /// A conflict zone as one of its two sides sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Zone {
+pub(crate) struct Zone {
     /// Position in `Junctions::areas`.
     pub area: usize,
     /// The own side (0 or 1).
@@ -93,7 +93,7 @@ pub fn meeting_width(area: &Area) -> f64 {
 
 /// Zones between two places where the vehicle can stand without being in any of them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passage {
+pub(crate) struct Passage {
     /// Its place among all passages of the way.
     pub number: usize,
     /// Its zones, by where they begin.
@@ -114,7 +114,7 @@ pub struct Passage {
 
 /// The conflict zones on the reference path of an agent.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Course {
+pub(crate) struct Course {
     /// The pieces of its path in driving order.
     pub pieces: Arc<[PathPiece]>,
     /// Its passages in driving order.

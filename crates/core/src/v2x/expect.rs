@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
-use super::message::{Message, Object, Payload, PlanPoint};
+use super::message::{Message, Object, Payload};
 use super::network::Network;
 use super::trigger::interpolated;
 use crate::barrier::Barrier;
@@ -170,7 +170,7 @@ impl Network {
         let age = |message: &Message| (scene.time_step - message.time_step) as f64 * self.dt;
         let mut known = Vec::with_capacity(visible.len());
         for place in visible.iter().copied() {
-            let plan = senders[place].and_then(|sender| inbox.heard[sender].mcm.as_ref().map(|plan| (sender, plan)));
+            let plan = senders[place].and_then(|sender| inbox.heard[sender][1].as_ref().map(|plan| (sender, plan)));
             let row = plan.and_then(|(sender, plan)| self.plan_row(scene, sender, plan, Some(place), more));
             let age = row.and(plan).map_or(0.0, |(_, plan)| age(plan));
             let row = row.map_or(place, |extra| ids.len() + extra);
@@ -178,9 +178,9 @@ impl Network {
         }
         let is_seen = |known: &[Known], id: i64| known[..visible.len()].binary_search_by_key(&id, |k| k.id).is_ok();
         let mut told: Vec<Known> = Vec::new();
-        for (sender, heard) in inbox.heard.iter().enumerate() {
+        for (sender, [cam, mcm]) in inbox.heard.iter().enumerate() {
             let id = self.ids()[sender];
-            let newest = match (&heard.cam, &heard.mcm) {
+            let newest = match (cam, mcm) {
                 (Some(cam), Some(mcm)) if cam.time_step > mcm.time_step => cam,
                 (_, Some(message)) | (Some(message), None) => message,
                 (None, None) => continue,
@@ -189,7 +189,7 @@ impl Network {
                 continue;
             }
             let status = *newest.status().expect("these messages say it");
-            let plan = heard.mcm.as_ref();
+            let plan = mcm.as_ref();
             let planned = plan.and_then(|plan| Some((plan, self.plan_row(scene, sender, plan, None, more)?)));
             let (row, age) = match planned {
                 Some((plan, extra)) => (extra, age(plan)),
@@ -258,15 +258,7 @@ impl Network {
         }
         let age = (scene.time_step - message.time_step) as f64 * self.dt;
         let planned = interpolated(points, *spacing, age);
-        let mut state = State {
-            x: planned.x,
-            y: planned.y,
-            orientation: planned.orientation,
-            velocity: planned.velocity,
-            acceleration: 0.0,
-            yaw_rate: 0.0,
-        };
-        let mut off = Point::default();
+        let (mut state, mut off) = (planned, Point::default());
         if let Some(place) = seen {
             let row = scene.present[place];
             let (now, velocity) = (scene.state(row), scene.observed_velocity(row));
@@ -304,7 +296,7 @@ impl Network {
         for j in 0..out.n_steps {
             let ahead = (j + 1) as f64 * self.dt;
             let t = age + ahead;
-            let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
+            let State { x, y, orientation, velocity, .. } = interpolated(points, *spacing, t);
             has_stood &= velocity.abs() < STANDSTILL_SPEED;
             let left = (1.0 - ahead / FADING_TIME).max(0.0);
             let (along, across) = if has_stood {

@@ -31,7 +31,7 @@ impl Service {
 
 /// A participant and its motion, as stated in a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Status {
+pub(crate) struct Status {
     /// Kind.
     pub kind: ParticipantKind,
     /// Centre of the footprint and motion.
@@ -42,22 +42,9 @@ pub struct Status {
     pub width: f64,
 }
 
-/// A point of a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PlanPoint {
-    /// Centre of the footprint [m].
-    pub x: f64,
-    /// Centre of the footprint [m].
-    pub y: f64,
-    /// Heading [rad].
-    pub orientation: f64,
-    /// Speed [m/s].
-    pub velocity: f64,
-}
-
 /// A participant that the sender sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Object {
+pub(crate) struct Object {
     /// Its id.
     pub id: i64,
     /// What it is and how it moves.
@@ -68,7 +55,7 @@ pub struct Object {
 
 /// What a message says besides its sender.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Payload {
+pub(crate) enum Payload {
     /// State.
     Cam(Status),
     /// State and plan: points `spacing` [s] apart, the first one at the time of sending.
@@ -79,10 +66,10 @@ pub enum Payload {
         is_emergency: bool,
         /// Time between points [s].
         spacing: f64,
-        /// The plan.
-        points: Vec<PlanPoint>,
+        /// The plan: positions, headings and speeds.
+        points: Vec<State>,
         /// The reference path from the sender's rear end on, one point every 4 m.
-        way: Vec<PlanPoint>,
+        way: Vec<State>,
         /// What the sender asks for: the passage before which it is or that it is in, since when, and whether it has been
         /// granted; `None`: nothing.
         request: Option<Memory>,
@@ -93,7 +80,7 @@ pub enum Payload {
 
 /// A message as it is sent and received.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Message {
+pub(crate) struct Message {
     /// Time step of sending.
     pub time_step: i64,
     /// Id of the sender.
@@ -195,14 +182,13 @@ impl Object {
     }
 }
 
-impl PlanPoint {
-    /// As it is sent.
-    pub(super) fn rounded(state: &State) -> Self {
-        Self {
-            x: rounded(state.x, 0.01),
-            y: rounded(state.y, 0.01),
-            orientation: rounded(state.orientation, PI / 1800.0),
-            velocity: rounded(state.velocity, 0.01),
-        }
+/// A point of a plan as it is sent: position, heading and speed.
+pub(super) fn plan_point(state: &State) -> State {
+    State {
+        x: rounded(state.x, 0.01),
+        y: rounded(state.y, 0.01),
+        orientation: rounded(state.orientation, PI / 1800.0),
+        velocity: rounded(state.velocity, 0.01),
+        ..State::default()
     }
 }

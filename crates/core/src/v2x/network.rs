@@ -7,7 +7,7 @@ use super::V2xSettings;
 use super::channel::{Transmission, reception};
 use super::inbox::Inbox;
 use super::log::{Agreement, Log, Logged, Row};
-use super::message::{Message, Object, Payload, PlanPoint, Status, WAY_SPACING, objects_max};
+use super::message::{Message, Object, Payload, Status, WAY_SPACING, objects_max, plan_point};
 use super::trigger::Sent;
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -61,7 +61,7 @@ pub(crate) struct Network {
     /// Memory: bytes that each agent hears in a step; links of a message; points of a plan.
     heard: Vec<usize>,
     links: Vec<(i64, Option<i64>, f64)>,
-    points: Vec<PlanPoint>,
+    points: Vec<State>,
 }
 
 impl Network {
@@ -109,7 +109,7 @@ impl Network {
     /// The newest messages with plans that an agent has received, with the places of their senders.
     pub(crate) fn plans(&self, receiver: usize) -> impl Iterator<Item = (usize, &Message)> {
         let heard = self.inboxes[receiver].heard.iter().enumerate().filter(move |(sender, _)| *sender != receiver);
-        heard.filter_map(|(sender, heard)| Some((sender, &**heard.mcm.as_ref()?)))
+        heard.filter_map(|(sender, [_, plan])| Some((sender, &**plan.as_ref()?)))
     }
 
     /// Ids of the equipped agents, ascending.
@@ -163,7 +163,7 @@ impl Network {
         let way = (0..n_way).map(|i| {
             let at = speaker.path.at(speaker.rear_s + i as f64 * WAY_SPACING);
             let state = State { x: at.position.x, y: at.position.y, orientation: at.theta, ..State::default() };
-            PlanPoint::rounded(&state)
+            plan_point(&state)
         });
         let (way, points, is_emergency) = (way.collect(), points.clone(), speaker.is_emergency);
         Some(Payload::Mcm { status, is_emergency, spacing, points, way, request })
@@ -237,7 +237,7 @@ impl Network {
 }
 
 /// The points of a plan every `spacing` [s], up to `horizon` or its end.
-fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut Vec<PlanPoint>) {
+fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut Vec<State>) {
     let duration = (plan.len().max(1) - 1) as f64 * dt;
     let n = (horizon.min(duration) / spacing + 1e-9) as usize + 1;
     points.clear();
@@ -248,7 +248,7 @@ fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut 
         let share = (place - at as f64).max(0.0);
         let between = |from: f64, to: f64| if share > 1e-9 { from + (to - from) * share } else { from };
         let turn = crate::geometry::wrap_angle(to.orientation - from.orientation);
-        PlanPoint::rounded(&State {
+        plan_point(&State {
             x: between(from.x, to.x),
             y: between(from.y, to.y),
             orientation: between(from.orientation, from.orientation + turn),

@@ -1,4 +1,5 @@
 use super::channel::Transmission;
+use super::message::Status;
 use super::*;
 use crate::right_of_way::Memory;
 use crate::trajectory::State;
@@ -95,8 +96,8 @@ fn plan(request: Option<Memory>) -> Message {
         status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
         is_emergency: false,
         spacing: 0.2,
-        points: vec![PlanPoint::default(); 16],
-        way: vec![PlanPoint::default(); 21],
+        points: vec![State::default(); 16],
+        way: vec![State::default(); 21],
         request,
     };
     Message { time_step: 0, sender: 1, payload }
@@ -144,7 +145,7 @@ fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
         let status = Status::rounded(ParticipantKind::Car, &State::default(), (4.5, 1.8));
         std::sync::Arc::new(Message { time_step, sender: 1, payload: Payload::Cam(status) })
     };
-    let newest = |inbox: &inbox::Inbox| inbox.heard[1].cam.as_ref().map(|message| message.time_step);
+    let newest = |inbox: &inbox::Inbox| inbox.heard[1][0].as_ref().map(|message| message.time_step);
     [3, 5, 4].into_iter().for_each(|time_step| inbox.file(1, &message(time_step)));
     assert_eq!(newest(&inbox), Some(5));
     inbox.forget(5);

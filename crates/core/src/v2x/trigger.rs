@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::message::{Object, PlanPoint};
+use super::message::Object;
 use crate::geometry::wrap_angle;
 use crate::right_of_way::Memory;
 use crate::trajectory::State;
@@ -37,7 +37,7 @@ pub(super) struct Sent {
     /// Interval until the next state without a change [s], and how often it was used.
     interval: f64,
     repeats: u32,
-    mcm: Option<(i64, f64, Vec<PlanPoint>)>,
+    mcm: Option<(i64, f64, Vec<State>)>,
     cpm: Option<i64>,
     request: Option<Memory>,
     objects: BTreeMap<i64, (i64, State)>,
@@ -69,7 +69,7 @@ impl Sent {
     }
 
     /// A plan with these points is to be sent.
-    pub(super) fn is_plan_due(&self, now: i64, points: &[PlanPoint], (interval, spacing, dt): (f64, f64, f64)) -> bool {
+    pub(super) fn is_plan_due(&self, now: i64, points: &[State], (interval, spacing, dt): (f64, f64, f64)) -> bool {
         let Some((then, _, sent)) = &self.mcm else { return true };
         if is_due(now, *then, interval, dt) {
             return true;
@@ -92,7 +92,7 @@ impl Sent {
     }
 
     /// Notes that a plan is sent, and a request.
-    pub(super) fn note_plan(&mut self, now: i64, points: &[PlanPoint], spacing: f64, request: Option<Memory>) {
+    pub(super) fn note_plan(&mut self, now: i64, points: &[State], spacing: f64, request: Option<Memory>) {
         self.request = request;
         let (time_step, old_spacing, kept) = self.mcm.get_or_insert_default();
         (*time_step, *old_spacing) = (now, spacing);
@@ -136,7 +136,7 @@ impl Sent {
 }
 
 /// A plan at a time after its first point [s]; behind its end straight on at its last speed.
-pub(crate) fn interpolated(points: &[PlanPoint], spacing: f64, time: f64) -> PlanPoint {
+pub(crate) fn interpolated(points: &[State], spacing: f64, time: f64) -> State {
     let last = points.len() - 1;
     let place = (time / spacing).max(0.0);
     let i = (place as usize).min(last);
@@ -144,13 +144,14 @@ pub(crate) fn interpolated(points: &[PlanPoint], spacing: f64, time: f64) -> Pla
     if i == last {
         let way = from.velocity * (time - last as f64 * spacing);
         let (sin, cos) = from.orientation.sin_cos();
-        return PlanPoint { x: from.x + way * cos, y: from.y + way * sin, ..from };
+        return State { x: from.x + way * cos, y: from.y + way * sin, ..from };
     }
     let (to, share) = (points[i + 1], place - i as f64);
-    PlanPoint {
+    State {
         x: from.x + (to.x - from.x) * share,
         y: from.y + (to.y - from.y) * share,
         orientation: from.orientation + wrap_angle(to.orientation - from.orientation) * share,
         velocity: from.velocity + (to.velocity - from.velocity) * share,
+        ..State::default()
     }
 }

@@ -16,8 +16,8 @@ use crate::rules::SpeedLimits;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
-    self, Agreement, Log, Message, Network, Object, Observer, Payload, PlanPoint, SharedPredictions, Speaker,
-    WAY_SPACING, interpolated,
+    self, Agreement, Log, Message, Network, Object, Observer, Payload, SharedPredictions, Speaker, WAY_SPACING,
+    interpolated,
 };
 use crate::vehicle::Vehicle;
 
@@ -40,7 +40,7 @@ struct Told<'a> {
     front: f64,
     request: Option<Memory>,
     /// The way that it told, and the arc length on its path at which that begins [m].
-    way: (f64, &'a [PlanPoint]),
+    way: (f64, &'a [State]),
     /// The zones on it.
     course: Course,
 }

@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::barrier::Barriers;
+use crate::barrier::{Barrier, Barriers};
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
@@ -205,7 +205,7 @@ pub struct World {
     /// Some agent has a crosswalk on its way that it obeys.
     has_crosswalks: bool,
     /// Who waits before crosswalks at the present time step, once that was needed.
-    waits: OnceLock<Vec<people::CrosswalkWait>>,
+    waits: OnceLock<Vec<(i64, usize, Barrier)>>,
     /// State now, per participant; `None` if absent.
     states: Vec<Option<State>>,
     /// Pairs that touched when one of them entered: contact counts once they have separated.
