@@ -15,7 +15,7 @@ from interdrive.scenario.native import core_road
 from interdrive.scoring.terms import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from interdrive.array_types import Floats, Ints
     from interdrive.run import RunRecord, States
@@ -115,8 +115,3 @@ def along(path: Floats, motion: Motion) -> tuple[Floats, Floats]:
     if len(path) < 2 or not len(motion.x):
         return np.empty(0), np.empty(0)
     return _core.follow_path(np.ascontiguousarray(path), motion.x, motion.y)
-
-
-def ids_of(sequence: Sequence[int] | None, known: Ints) -> Ints:
-    """Chosen ids, ascending; all that are known for None."""
-    return known if sequence is None else np.array(sorted(set(sequence)), dtype=np.int64)
