@@ -105,9 +105,7 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
 
 
 def own_agents(
-    rows: Mapping[str, Any],
-    mine: Bools,
-    expected: Mapping[str, set[tuple[int, int]]],
+    rows: Mapping[str, Any], mine: Bools, expected: Mapping[str, set[tuple[int, int]]]
 ) -> dict[str, set[tuple[int, int]]]:
     """Of some agents those by which a planner is judged, by scenario; lost ones are among them.
 

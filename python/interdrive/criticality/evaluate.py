@@ -340,11 +340,7 @@ def evaluate(
             + ", ".join(f"{low} and {high}" for low, high in pairs[:_NAMED])
             + (f" and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else "")
         )
-    asked = {
-        "participant_ids": participant_ids,
-        "other_ids": other_ids,
-        "deceleration of participants": deceleration,
-    }
+    asked = {"participant_ids": participant_ids, "other_ids": other_ids, "deceleration of participants": deceleration}
     inputs = {"scenario": scenario.sha256}
     if not isinstance(source, Scenario):
         inputs["run"] = source.digest
