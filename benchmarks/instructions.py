@@ -33,8 +33,8 @@ PATHS = {
     "step_messages": 5,
     "step_v2x": 5,
 }
-#: A path may need so many times the instructions of another one. Agents drive alike in these two; with claims they
-#: drive otherwise, so what claims cost shows in the count of `step_v2x` alone.
+#: A path may need so many times the instructions of another one. Agents drive alike in these two; with requests
+#: they drive otherwise, so what these cost shows in the count of `step_v2x` alone.
 RATIOS = {("step_messages", "step"): 1.03}
 #: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %.
 TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.03, 0.15

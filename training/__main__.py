@@ -95,12 +95,7 @@ def main() -> int:
     _write_csv(arguments.log / "training.csv", log)
     lines = _evaluation({**held_out, "validation": network}, rows, part, calibration, places)
     _write_csv(arguments.log / "evaluation.csv", lines)
-    metadata = {
-        "seed": str(course.seed),
-        "epochs": str(course.epochs),
-        "data": data,
-        "files": str(len(files)),
-    }
+    metadata = {"seed": str(course.seed), "epochs": str(course.epochs), "data": data, "files": str(len(files))}
     write_weights(arguments.weights, network, calibration, metadata)
     write_fixture(arguments.fixture, network, _only(rows, part == "validation"))
     say(f"wrote {arguments.weights} ({arguments.weights.stat().st_size // 1000} kB)")

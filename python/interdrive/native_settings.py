@@ -519,7 +519,7 @@ class V2xSettings:
         negotiate: Agents whose paths cross agree who goes first.
         hold_margin: Distance that a yielding agent keeps to the conflict zone. Between 0.3 and 5.
         mcm_interval: Time between messages with the plan, unless the plan changes. Positive and at most 10.
-        max_bytes: Largest message; plans, claims and object lists are truncated to fit. Between 300 and 65535.
+        max_bytes: Largest message; plans and object lists are truncated to fit. Between 300 and 65535.
         age_max: Age above which messages are discarded. Positive and at most 60.
         plan_spacing: Time between the points of a sent plan. Between 0.01 and 10.
         plan_horizon: Duration of the part of a plan that is sent. Between 1 and 60.

@@ -250,11 +250,7 @@ class Simulation:
             away = {i: view for i, view in views.items() if i not in self._python_planners}
             told = {i: predictions.known(i) for i in away}
             wanted = {
-                i: Wanted(
-                    view.ego._progress,
-                    told[i],
-                    predictions.seen_by(view) if told[i] else None,
-                )
+                i: Wanted(view.ego._progress, told[i], predictions.seen_by(view) if told[i] else None)
                 for i, view in away.items()
             }
             answers = self._workers.ask(scene, predictions, wanted)
@@ -472,10 +468,7 @@ class _NeverAsked:
 
 
 def _staged(
-    scenario: Scenario,
-    views: dict[int, ViewSettings],
-    rules: dict[int, RulesSettings],
-    settings: SimulationSettings,
+    scenario: Scenario, views: dict[int, ViewSettings], rules: dict[int, RulesSettings], settings: SimulationSettings
 ) -> _core.World:
     """Rebuilds the world of a simulation with these agents in another process."""
     return Simulation(

@@ -72,11 +72,16 @@ def test_agents_that_would_wait_for_each_other_for_ever_pass_if_they_agree(meeti
 
 
 @pytest.mark.parametrize("planner", ["idm", "frenet"])
-def test_of_equal_claims_the_smaller_id_goes_first(planner):
+def test_of_equals_the_smaller_id_goes_first_together_with_the_one_that_it_does_not_meet(planner):
     run, agreements = drive(four_arms(), planner, **AGREEING)
-    assert sorted(ends(run), key=ends(run).get) == [1, 2, 3, 4]
-    pairs = set(zip(agreements["holding_id"].tolist(), agreements["going_id"].tolist(), strict=True))
-    assert pairs <= {(2, 1), (3, 2), (3, 1), (4, 3), (4, 1), (4, 2)}
+    assert sorted(ends(run), key=ends(run).get) == [1, 3, 2, 4]
+    last = {}
+    for holding, going, until in zip(
+        *(agreements[name].tolist() for name in ("holding_id", "going_id", "last_time_step")), strict=True
+    ):
+        last[holding, going] = max(until, last.get((holding, going), 0))
+    # Until they are near, the order may still change.
+    assert {pair for pair, until in last.items() if until > 100 or planner == "frenet"} == {(2, 1), (4, 3)}
 
 
 def test_a_run_keeps_its_agreements_in_its_folder(tmp_path):
@@ -137,7 +142,7 @@ def held(agreements):
 @pytest.mark.parametrize(
     ("priorities", "first"), [(MAIN_ROAD, 2), (Priorities(priority_side="none"), 1), (Priorities(), 2)]
 )
-def test_claims_follow_the_rules_of_the_road_and_the_arrival_only_where_there_is_none(priorities, first):
+def test_agreements_follow_the_rules_of_the_road_and_the_arrival_only_where_there_is_none(priorities, first):
     # The agent on road 1 arrives first; that on road 2 comes from the right.
     scenario = replace(two_roads(ways=(30.0, 36.0)), priorities=priorities)
     run, agreements = drive(scenario, "idm", **AGREEING)
@@ -157,7 +162,7 @@ def test_an_agent_of_a_side_road_holds_only_if_both_would_be_at_the_crossing_at_
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
+def test_nobody_on_a_side_road_goes_before_an_agent_on_the_main_road(seed):
     rng = np.random.default_rng(seed)
     ways, speeds = rng.uniform(25.0, 45.0, 2), rng.uniform(5.0, 9.0, 2)
     scenario = replace(two_roads(ways=tuple(ways), speeds=tuple(speeds)), priorities=MAIN_ROAD)
@@ -167,7 +172,7 @@ def test_no_claim_of_a_side_road_goes_before_one_of_the_main_road(seed):
 
 
 @pytest.mark.parametrize("ordered", [(1, 2), (1,)])
-def test_where_both_agents_enter_on_orders_these_decide_and_otherwise_the_claims(ordered):
+def test_an_agent_holds_by_agreement_for_one_that_does_not_enter_on_orders(ordered):
     # Without priorities agent 2 comes from the right, so it goes first either way.
     simulation = Simulation(
         two_roads(ways=(30.0, 36.0)),
@@ -225,7 +230,7 @@ def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
 
 
 @pytest.mark.parametrize("planner", ["idm", "frenet"])
-def test_agents_in_a_queue_arrive_one_after_the_other_and_an_unequipped_leader_is_not_overtaken_by_a_claim(planner):
+def test_agents_in_a_queue_arrive_one_after_the_other_and_nobody_asks_behind_an_unequipped_leader(planner):
     def arrivals(equipped):
         scenario = replace(queue_at_a_crossing(), priorities=Priorities(priority_side="none"))
         values = {"step.max_steps": 500, "v2x.negotiate": True, "v2x.penetration": 1.0, "rules.precedence": False}
@@ -244,7 +249,7 @@ def test_agents_in_a_queue_arrive_one_after_the_other_and_an_unequipped_leader_i
     with_leader, _ = arrivals(equipped=True)
     assert with_leader[3] >= with_leader[2] + 15, "the second of the queue crosses 1.5 s later at least"
     _, agreements = arrivals(equipped=False)
-    # Behind a leader without V2X there is nothing to claim, so 4 holds for neither of them.
+    # Behind a leader without V2X there is nothing to ask for, so 4 holds for neither of them.
     assert not held(agreements) & {(4, 3), (4, 2)}
 
 

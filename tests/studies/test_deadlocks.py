@@ -35,7 +35,7 @@ def standing(places, held=(), moves=()):
     )
     columns = np.array(held, dtype=np.int64).reshape(-1, 4).T
     bars = {name: np.zeros(len(held)) for name in ("bar_x", "bar_y", "bar_heading")}
-    agreements = Agreements(*columns, **bars, claim=np.ones(len(held), dtype=np.int64))
+    agreements = Agreements(*columns, **bars)
     return SimpleNamespace(states=states, scenario=SimpleNamespace(dt=0.1), agreements=agreements if held else None)
 
 

@@ -7,7 +7,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
 use interdrive_core::predict::{LaneFollowing, Predictor};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{RouteSettings, find_route};
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Obstacles, Scenario};
@@ -25,15 +25,9 @@ fn road() -> RoadNetwork {
     let lane = |id: i64, radius: f64, left: Option<i64>, right: Option<i64>| {
         let along = |r: f64| (0..=180).map(|i| Point::from_angle(f64::from(i) * 0.001) * r).collect::<Vec<_>>();
         LaneletInput {
-            id,
-            left: along(radius - 1.75),
-            right: along(radius + 1.75),
-            predecessors: vec![],
-            successors: vec![],
             adjacent_left: left.map(|id| (id, true)),
             adjacent_right: right.map(|id| (id, true)),
-            speed_limit: f64::NAN,
-            users: Users::ALL,
+            ..LaneletInput::between(id, along(radius - 1.75), along(radius + 1.75))
         }
     };
     let lanes = vec![lane(1, 5003.5, Some(2), None), lane(2, 5000.0, Some(3), Some(1)), lane(3, 4996.5, None, Some(2))];

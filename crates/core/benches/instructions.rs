@@ -64,7 +64,7 @@ fn main() {
             let v2x = V2xSettings { penetration: 1.0, deviation: 1e-6, ..V2xSettings::default() };
             cooperate(v2x, &following, 10 + times);
         }
-        // Messages, claims and what agents expect because of them.
+        // Messages, requests and what agents expect because of them.
         "step_v2x" => {
             let v2x = V2xSettings { penetration: 1.0, negotiate: true, ..V2xSettings::default() };
             cooperate(v2x, &following, 10 + times);

@@ -9,7 +9,7 @@ use interdrive_core::geometry::Point;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::predict::neural::{Inputs, Neural};
 use interdrive_core::predict::{Predictor, predict};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::scene::{Participants, Scene};
 use interdrive_core::trajectory::{State, States};
 use interdrive_core::vehicle::ParticipantKind;
@@ -33,15 +33,11 @@ fn road() -> RoadNetwork {
         let radius = 1500.0 - 3.5 * lane as f64;
         for piece in 0..PIECES {
             lanelets.push(LaneletInput {
-                id: id(lane, piece),
-                left: along(radius - 1.75, piece),
-                right: along(radius + 1.75, piece),
-                predecessors: vec![],
                 successors: if piece + 1 < PIECES { vec![id(lane, piece + 1)] } else { vec![] },
                 adjacent_left: (lane + 1 < LANES).then(|| (id(lane + 1, piece), true)),
                 adjacent_right: (lane > 0).then(|| (id(lane - 1, piece), true)),
                 speed_limit: 30.0,
-                users: Users::ALL,
+                ..LaneletInput::between(id(lane, piece), along(radius - 1.75, piece), along(radius + 1.75, piece))
             });
         }
     }
@@ -51,15 +47,8 @@ fn road() -> RoadNetwork {
             line.iter().enumerate().map(|(i, point)| *point * (1.0 + (i * i) as f64 * 5e-5)).collect()
         };
         lanelets.push(LaneletInput {
-            id: 1000 + piece as i64,
-            left: shifted(1498.25),
-            right: shifted(1501.75),
             predecessors: vec![id(0, piece)],
-            successors: vec![],
-            adjacent_left: None,
-            adjacent_right: None,
-            speed_limit: f64::NAN,
-            users: Users::ALL,
+            ..LaneletInput::between(1000 + piece as i64, shifted(1498.25), shifted(1501.75))
         });
     }
     RoadNetwork::new(lanelets, RoadSettings::default()).expect("a road")

@@ -7,7 +7,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
 use interdrive_core::plan::{LaneChange, Other, PlanRequest, PredictionIndex};
-use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings, Users};
+use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
 use interdrive_core::rules::Rules;
 use interdrive_core::scenario::{Goal, GoalState};
@@ -18,17 +18,7 @@ use interdrive_core::vehicle::{ParticipantKind, Vehicle};
 fn road() -> RoadNetwork {
     let lane = |id: i64, radius: f64| {
         let along = |r: f64| (0..=200).map(|i| Point::from_angle(f64::from(i) * 0.005) * r).collect::<Vec<_>>();
-        LaneletInput {
-            id,
-            left: along(radius - 1.75),
-            right: along(radius + 1.75),
-            predecessors: vec![],
-            successors: vec![],
-            adjacent_left: None,
-            adjacent_right: None,
-            speed_limit: f64::NAN,
-            users: Users::ALL,
-        }
+        LaneletInput::between(id, along(radius - 1.75), along(radius + 1.75))
     };
     RoadNetwork::new(vec![lane(1, 403.5), lane(2, 400.0), lane(3, 396.5)], RoadSettings::default()).expect("a road")
 }

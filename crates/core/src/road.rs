@@ -60,6 +60,23 @@ pub struct LaneletInput {
     pub users: Users,
 }
 
+impl LaneletInput {
+    /// A lane for everybody between two bounds, without a limit, neighbours, predecessors and successors.
+    pub fn between(id: i64, left: Vec<Point>, right: Vec<Point>) -> Self {
+        Self {
+            id,
+            left,
+            right,
+            predecessors: Vec::new(),
+            successors: Vec::new(),
+            adjacent_left: None,
+            adjacent_right: None,
+            speed_limit: f64::NAN,
+            users: Users::ALL,
+        }
+    }
+}
+
 settings! {
     /// Extent of the road, and what must stay on it.
     pub struct RoadSettings as RoadSettings {

@@ -1,8 +1,6 @@
 //! Memory that steps allocate once the world is warm.
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::neural::Neural;
@@ -11,36 +9,14 @@ use interdrive_core::world::{Forecast, Step, WorldSettings};
 
 #[path = "../benches/network/mod.rs"]
 mod network;
+mod counting;
 mod shipped;
 
-/// Counts every request for memory, in all threads.
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-#[allow(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything on")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.realloc(pointer, layout, new_size) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use counting::allocations;
 
 /// Allocations since the last time.
 fn taken(before: &mut usize) -> usize {
-    let now = ALLOCATIONS.load(Ordering::Relaxed);
+    let now = allocations();
     let since = now - *before;
     *before = now;
     since
@@ -57,7 +33,7 @@ fn per_phase(agents: usize, threads: usize) -> [usize; 5] {
     let neural = Predictor::Neural(Neural { network: Arc::new(network::network()), modes_max: 4 });
     let mut found = None;
     for time_step in 0..WARM_UP + 10 {
-        let mut before = ALLOCATIONS.load(Ordering::Relaxed);
+        let mut before = allocations();
         let mut step = Step::begin(&world);
         let observe = taken(&mut before);
         step.expect(&world, Forecast::Core(&predictor, 30)).expect("predictions");

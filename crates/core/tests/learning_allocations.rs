@@ -1,8 +1,6 @@
 //! Memory that worlds with learners allocate once they are warm: none while episodes last.
 
-use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use interdrive_core::observation::{ObservationSettings, PIXELS, layout};
 use interdrive_core::plan::Planner;
@@ -14,32 +12,10 @@ use interdrive_core::worlds::{
     Actions, Autoreset, Buffers, EpisodeSpec, N_TERMS, RewardWeights, Stage, Worlds, WorldsSettings,
 };
 
+mod counting;
 mod shipped;
 
-/// Counts every request for memory, in all threads.
-struct Counting;
-
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
-
-#[allow(unsafe_code, reason = "an allocator is unsafe by its nature; this one hands everything on")]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        unsafe { System.realloc(pointer, layout, new_size) }
-    }
-}
-
-#[global_allocator]
-static COUNTING: Counting = Counting;
+use counting::allocations;
 
 /// The caller's arrays.
 struct Arrays {
@@ -122,9 +98,9 @@ fn taken(stage: &Arc<Stage>, learners: usize, threads: usize, observation: Obser
     refill(&mut worlds);
     let (mut driving, mut beginning) = (None, None);
     for step in 0..6 * EPISODE {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = allocations();
         worlds.step(arrays.buffers()).expect("a step");
-        let now = ALLOCATIONS.load(Ordering::Relaxed) - before;
+        let now = allocations() - before;
         let begins = step % EPISODE == EPISODE - 1 || step % EPISODE == 0;
         assert_eq!(arrays.flags[1].iter().all(|cut| *cut), step % EPISODE == EPISODE - 1);
         assert!(!arrays.flags[0].iter().any(|ended| *ended), "no learner is to end in a second");

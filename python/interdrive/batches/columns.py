@@ -18,6 +18,7 @@ from interdrive.storage import Column, absent_where, arrow_table, inserted, name
 if TYPE_CHECKING:
     from collections.abc import Mapping, Set
 
+    from interdrive.array_types import Floats
     from interdrive.batches.plan import RunSpec
     from interdrive.criticality import Criticality
     from interdrive.runs import Run
@@ -41,6 +42,12 @@ def extreme(name: str, *, grows: bool) -> str:
 
 _UNFINISHED, _NOT_RECORDED, _TOO_FEW = "the run did not finish", "violations were not recorded", "too few states"
 
+
+def _planned(name: str, text: str, unit: str) -> Column:
+    """A column of numbers about planned states."""
+    return Column(name, "number", text, unit, null=_TOO_FEW)
+
+
 #: Columns that say which run it is and how it ended; the same in all rows of a run.
 RUN_COLUMNS = (
     Column("key", "label", "id of the run: hash of scenario content, choices, settings and version"),
@@ -62,13 +69,7 @@ RUN_COLUMNS = (
     Column("digest", "text", "SHA-256 of all states; empty if it did not finish"),
     Column("dt", "number", "length of a time step", "s", null=_UNFINISHED),
     Column("n_steps", "integer", "number of simulated time steps", null=_UNFINISHED),
-    Column(
-        "read_seconds",
-        "number",
-        "wall time for reading the scenario, 0 if it was at hand",
-        "s",
-        null=_UNFINISHED,
-    ),
+    Column("read_seconds", "number", "wall time for reading the scenario, 0 if it was at hand", "s", null=_UNFINISHED),
     Column("run_seconds", "number", "wall time for simulation, criticality and scores", "s", null=_UNFINISHED),
     Column("kept", "truth", "whether its run folder is kept in recordings/"),
     Column("path", "label", "path of the scenario file"),
@@ -103,42 +104,12 @@ AGENT_COLUMNS = absent_where(
             for measure in MEASURES
         ),
         Column("ttc_critical", "number", f"share of its time with a TTC under {TTC_CRITICAL:g} s", "1"),
-        Column(
-            "jerk_rms",
-            "number",
-            "root mean square of the longitudinal jerk, behind its first planned state",
-            "m/s³",
-            null=_TOO_FEW,
-        ),
-        Column(
-            "jerk_max",
-            "number",
-            "largest absolute longitudinal jerk, behind its first planned state",
-            "m/s³",
-            null=_TOO_FEW,
-        ),
-        Column(
-            "acceleration_rms",
-            "number",
-            "root mean square of the longitudinal acceleration of planned states",
-            "m/s²",
-            null=_TOO_FEW,
-        ),
-        Column("deceleration_max", "number", "hardest braking of planned states", "m/s²", null=_TOO_FEW),
-        Column(
-            "lateral_acceleration_rms",
-            "number",
-            "root mean square of speed times yaw rate of planned states",
-            "m/s²",
-            null=_TOO_FEW,
-        ),
-        Column(
-            "lateral_acceleration_max",
-            "number",
-            "largest absolute speed times yaw rate of planned states",
-            "m/s²",
-            null=_TOO_FEW,
-        ),
+        _planned("jerk_rms", "root mean square of the longitudinal jerk, behind its first planned state", "m/s³"),
+        _planned("jerk_max", "largest absolute longitudinal jerk, behind its first planned state", "m/s³"),
+        _planned("acceleration_rms", "root mean square of the longitudinal acceleration of planned states", "m/s²"),
+        _planned("deceleration_max", "hardest braking of planned states", "m/s²"),
+        _planned("lateral_acceleration_rms", "root mean square of speed times yaw rate of planned states", "m/s²"),
+        _planned("lateral_acceleration_max", "largest absolute speed times yaw rate of planned states", "m/s²"),
         Column("emergencies", "integer", "time steps with emergency braking"),
         Column("violations", "integer", "violations of rules of the road by the agent", null=_NOT_RECORDED),
         *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", null=_NOT_RECORDED) for rule in VIOLATIONS),
@@ -193,7 +164,7 @@ def finished_rows(
     exposed = ((criticality["ttc"] < TTC_CRITICAL) & criticality.present).sum(axis=1)
     share = exposed / np.maximum(present, 1)
 
-    def of_agents(values: Any) -> Any:  # noqa: ANN401 - array of numbers
+    def of_agents(values: Floats) -> Floats:
         return np.where(judged, np.append(values, np.nan)[np.where(judged, rows, -1)], np.nan)
 
     emergencies = [int((run.plans.status[run.plans.agent_id == number] == 2).sum()) for number in ids]
@@ -311,12 +282,12 @@ def comfort(run: Run) -> dict[str, list[float]]:
     return found
 
 
-def _rms(values: Any) -> float:  # noqa: ANN401 - array of numbers
+def _rms(values: Floats) -> float:
     known = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
 
 
-def _largest(values: Any) -> float:  # noqa: ANN401 - array of numbers
+def _largest(values: Floats) -> float:
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else float("nan")
 

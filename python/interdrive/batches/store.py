@@ -222,10 +222,7 @@ class BatchFolder:
             ResultsError: It cannot be written.
         """
         if finished.recording:
-            with (
-                replacing(self.recording(key)) as partial,
-                tarfile.open(fileobj=io.BytesIO(finished.recording)) as tar,
-            ):
+            with replacing(self.recording(key)) as partial, tarfile.open(fileobj=io.BytesIO(finished.recording)) as tar:
                 partial.mkdir()
                 for member in tar:
                     content = tar.extractfile(member)

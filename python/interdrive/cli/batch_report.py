@@ -57,13 +57,7 @@ class _Rate(ProgressColumn):
 def batch_progress(*, quiet: bool) -> Iterator[Callable[[Reached], None]]:
     """A progress bar on stderr that disappears at the end; shown only if stderr is a terminal."""
     console = errors()
-    columns = (
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TimeRemainingColumn(),
-        TextColumn("{task.description}"),
-    )
+    columns = (BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn(), TextColumn("{task.description}"))
     with Progress(
         *columns, console=console, transient=True, disable=quiet or not console.is_terminal, speed_estimate_period=120.0
     ) as bar:

@@ -27,10 +27,7 @@ _MARGIN, _GRACE = 1_000_000_000, 3.0
 @click.argument("text", metavar="SQL")
 @click.option("--csv", "as_csv", is_flag=True, help="Print all rows as CSV.")
 @click.option(
-    "--timeout",
-    metavar="SECONDS",
-    type=click.FloatRange(min=0.0, min_open=True),
-    help="Time limit of the query (60).",
+    "--timeout", metavar="SECONDS", type=click.FloatRange(min=0.0, min_open=True), help="Time limit of the query (60)."
 )
 @click.option("--memory", metavar="SIZE", help="Memory limit of the query (2G).")
 def sql(folder: str, text: str, as_csv: bool, timeout: float | None, memory: str | None) -> None:

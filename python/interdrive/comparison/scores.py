@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from interdrive.array_types import Floats
+    from numpy.typing import NDArray
+
+    from interdrive.array_types import Bools, Floats, Ints
 
 #: Why a score is 0, in the order in which it is looked for.
 ZEROS = ("lost", "planner_error", "infeasible", *FAULT_KINDS, "off_road", "direction", "progress")
@@ -103,9 +105,7 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
 
 
 def own_agents(
-    rows: Mapping[str, Any],
-    mine: Any,  # noqa: ANN401 - array of truths
-    expected: Mapping[str, set[tuple[int, int]]],
+    rows: Mapping[str, Any], mine: Bools, expected: Mapping[str, set[tuple[int, int]]]
 ) -> dict[str, set[tuple[int, int]]]:
     """Of some agents those by which a planner is judged, by scenario; lost ones are among them.
 
@@ -138,16 +138,16 @@ def _unscored(rows: Mapping[str, Any]) -> dict[str, set[tuple[int, int]]]:
     return expected_agents(rows, (rows["status"] == "finished") & np.isnan(rows["score"].astype(np.float64)))
 
 
-def among(rows: Mapping[str, Any], agents: Mapping[str, set[tuple[int, int]]]) -> Any:  # noqa: ANN401 - truths
+def among(rows: Mapping[str, Any], agents: Mapping[str, set[tuple[int, int]]]) -> Bools:
     """Rows of these agents under test."""
-    found = rows["under_test"] == 1
+    found: Bools = rows["under_test"] == 1
     for row in np.flatnonzero(found).tolist():
         agent = int(rows["seed"][row]), int(rows["agent_id"][row])
         found[row] = agent in agents.get(str(rows["scenario_sha256"][row]), set())
     return found
 
 
-def expected_agents(rows: Mapping[str, Any], here: Any) -> dict[str, set[tuple[int, int]]]:  # noqa: ANN401 - truths
+def expected_agents(rows: Mapping[str, Any], here: Bools) -> dict[str, set[tuple[int, int]]]:
     """Agents (seed, id) that any planner drove, by scenario."""
     found: dict[str, set[tuple[int, int]]] = {}
     for row in np.flatnonzero(here & (rows["under_test"] == 1)).tolist():
@@ -158,7 +158,7 @@ def expected_agents(rows: Mapping[str, Any], here: Any) -> dict[str, set[tuple[i
 
 def planner_score(
     rows: Mapping[str, Any],
-    mine: Any,  # noqa: ANN401 - array of truths
+    mine: Bools,
     expected: Mapping[str, set[tuple[int, int]]],
     groups: Mapping[str, str] | None = None,
 ) -> PlannerScore:
@@ -191,7 +191,7 @@ def planner_score(
     low, high = interval(np.array(means), [groups[name] if groups else name for name in names])
     first = next(iter(np.flatnonzero(mine).tolist()), None)
 
-    def per_hundred(values: Any) -> float:  # noqa: ANN401 - array
+    def per_hundred(values: NDArray[Any]) -> float:
         return 100.0 * float(np.nansum(values[tested].astype(np.float64))) / n_agents if n_agents else float("nan")
 
     return PlannerScore(
@@ -225,13 +225,13 @@ def interval(means: Floats, groups: Sequence[str]) -> tuple[float, float]:
     return low, high
 
 
-def _failures(rows: Mapping[str, Any], mine: Any) -> Counter[str]:  # noqa: ANN401 - array of truths
+def _failures(rows: Mapping[str, Any], mine: Bools) -> Counter[str]:
     """Runs of single agents that were lost, by scenario; runs of several agents do not say how many these were."""
     lost = mine & (rows["agents"] == ALONE) & ~np.isin(rows["status"].astype(str), ["finished", "refused"])
     return Counter(rows["scenario_sha256"][lost].astype(str).tolist())
 
 
-def _zeros(rows: Mapping[str, Any], zero: Any, lost: int) -> dict[str, int]:  # noqa: ANN401 - array of places
+def _zeros(rows: Mapping[str, Any], zero: Ints, lost: int) -> dict[str, int]:
     found = Counter(_reason(rows, row) for row in zero.tolist())
     found["lost"] = lost
     return {name: found[name] for name in ZEROS if found[name]}

@@ -10,11 +10,12 @@ import numpy as np
 from interdrive import _core
 from interdrive.criticality.measures import MEASURES, measure_named
 from interdrive.criticality.settings import CriticalitySettings
-from interdrive.criticality.source import RecordedRun, connectors_of, traffic_of
+from interdrive.criticality.source import connectors_of, traffic_of
 from interdrive.criticality.tables import criticality_table
 from interdrive.errors import InputError
 from interdrive.native_settings import RoadSettings
 from interdrive.recordings import overlapping_at_first
+from interdrive.run import RunRecord
 from interdrive.scenario import Scenario
 from interdrive.scenario.native import core_road, storeys, thread_count
 from interdrive.storage import Origin, Tabled, changed_settings
@@ -267,7 +268,7 @@ class Criticality(Tabled):
 
 
 def evaluate(
-    source: ScenarioSpec | RecordedRun,
+    source: ScenarioSpec | RunRecord,
     participant_ids: Sequence[int] | None = None,
     *,
     other_ids: Sequence[int] | None = None,
@@ -293,7 +294,7 @@ def evaluate(
     """
     n_threads = thread_count(threads)
     chosen = settings or CriticalitySettings()
-    if not isinstance(source, Scenario | RecordedRun):
+    if not isinstance(source, Scenario | RunRecord):
         from interdrive.files import open_scenario  # noqa: PLC0415 - commonroad-io takes a second to load
 
         source = open_scenario(source)
@@ -339,11 +340,7 @@ def evaluate(
             + ", ".join(f"{low} and {high}" for low, high in pairs[:_NAMED])
             + (f" and {len(pairs) - _NAMED} more" if len(pairs) > _NAMED else "")
         )
-    asked = {
-        "participant_ids": participant_ids,
-        "other_ids": other_ids,
-        "deceleration of participants": deceleration,
-    }
+    asked = {"participant_ids": participant_ids, "other_ids": other_ids, "deceleration of participants": deceleration}
     inputs = {"scenario": scenario.sha256}
     if not isinstance(source, Scenario):
         inputs["run"] = source.digest

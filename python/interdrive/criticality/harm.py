@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from interdrive.array_types import Floats, Ints
-    from interdrive.criticality.source import RecordedRun
+    from interdrive.run import RunRecord
 
 #: Mass [kg] of CommonRoad's vehicle type 2 (BMW 320i), and its size [m], by which agents of this type are known.
 BMW_320I_MASS, _BMW_320I_LENGTH, _BMW_320I_WIDTH = 1093.3, 4.508, 1.610
@@ -81,7 +81,7 @@ class AgentHarm(Record):
     )
 
 
-def participant_masses(run: RecordedRun, masses: Mapping[int, float] | None = None) -> Floats:
+def participant_masses(run: RunRecord, masses: Mapping[int, float] | None = None) -> Floats:
     """Mass of every participant of a run [kg], shape (participants,), by kind and footprint.
 
     Args:
@@ -105,7 +105,7 @@ def participant_masses(run: RecordedRun, masses: Mapping[int, float] | None = No
     return found
 
 
-def collisions(run: RecordedRun, *, masses: Mapping[int, float] | None = None, asymmetric: bool = False) -> Collisions:
+def collisions(run: RunRecord, *, masses: Mapping[int, float] | None = None, asymmetric: bool = False) -> Collisions:
     """Harm of every collision of a run.
 
     Impact perfectly plastic; logistic regression over speed change and impact area with the coefficients of the
@@ -150,7 +150,7 @@ def collisions(run: RecordedRun, *, masses: Mapping[int, float] | None = None, a
 
 
 def _pair(
-    run: RecordedRun, rows: tuple[int, int], time_step: int, masses: Floats, *, asymmetric: bool
+    run: RunRecord, rows: tuple[int, int], time_step: int, masses: Floats, *, asymmetric: bool
 ) -> tuple[float, tuple[float, float, float, str], tuple[float, float, float, str]]:
     states = run.states
     at = time_step - states.first_time_step
@@ -171,7 +171,7 @@ def _pair(
     )
 
 
-def agent_harm(run: RecordedRun, *, masses: Mapping[int, float] | None = None, asymmetric: bool = False) -> AgentHarm:
+def agent_harm(run: RunRecord, *, masses: Mapping[int, float] | None = None, asymmetric: bool = False) -> AgentHarm:
     """Harm per agent, for the table of outcomes.
 
     Args:

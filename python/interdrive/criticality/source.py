@@ -1,10 +1,9 @@
-"""What is evaluated: runs and recordings as arrays. Runs are known by their shape: their module lies above this one."""
-# ruff: noqa: D102 - the names are those of interdrive.run, which documents them
+"""What is evaluated: runs and recordings as arrays."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,73 +16,12 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from interdrive.array_types import Bools, Floats, Ints
+    from interdrive.run import RunRecord
 
 _TABLES = STATE_FIELDS[:5]
 
 #: Recorded participants of these kinds are judged only if they are asked for by id.
 _NOT_DRIVING = ("pedestrian", "construction_zone", "structure")
-
-
-class RecordedStates(Protocol):
-    """`interdrive.run.States`."""
-
-    @property
-    def participant_id(self) -> Ints: ...
-    @property
-    def kinds(self) -> tuple[str, ...]: ...
-    @property
-    def first_time_step(self) -> int: ...
-    @property
-    def is_agent(self) -> Bools: ...
-    @property
-    def is_static(self) -> Bools: ...
-    @property
-    def length(self) -> Floats: ...
-    @property
-    def width(self) -> Floats: ...
-    @property
-    def x(self) -> Floats: ...
-    @property
-    def y(self) -> Floats: ...
-    @property
-    def orientation(self) -> Floats: ...
-    @property
-    def velocity(self) -> Floats: ...
-    @property
-    def acceleration(self) -> Floats: ...
-    @property
-    def valid(self) -> Bools: ...
-
-
-class RecordedOutcomes(Protocol):
-    """`interdrive.run.Outcomes`."""
-
-    @property
-    def agent_id(self) -> Ints: ...
-    @property
-    def outcome(self) -> tuple[str, ...]: ...
-    @property
-    def time_step(self) -> Ints: ...
-    @property
-    def partner_id(self) -> Ints: ...
-    @property
-    def off_road(self) -> Bools: ...
-    @property
-    def impact_speed(self) -> Floats: ...
-
-
-@runtime_checkable
-class RecordedRun(Protocol):
-    """`interdrive.run.Run`."""
-
-    @property
-    def digest(self) -> str: ...
-    @property
-    def scenario(self) -> Scenario: ...
-    @property
-    def states(self) -> RecordedStates: ...
-    @property
-    def outcomes(self) -> RecordedOutcomes: ...
 
 
 @dataclass(frozen=True)
@@ -145,7 +83,7 @@ class Traffic:
         )
 
 
-def traffic_of(source: Scenario | RecordedRun) -> Traffic:
+def traffic_of(source: Scenario | RunRecord) -> Traffic:
     """Participants of a run, or the recorded ones of a scenario."""
     if isinstance(source, Scenario):
         obstacles = source.obstacles
@@ -174,7 +112,7 @@ def traffic_of(source: Scenario | RecordedRun) -> Traffic:
     )
 
 
-def footprints(run: RecordedRun) -> tuple[Shape, ...]:
+def footprints(run: RunRecord) -> tuple[Shape, ...]:
     """Footprints of all participants of a run; participants without a recording are rectangles."""
     obstacles, states = run.scenario.obstacles, run.states
     recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))

@@ -93,44 +93,33 @@ class Evaluated(Protocol):
 def criticality_table(found: Evaluated) -> ArrowTable:
     """All measures in long form, sorted by participant, time step and measure, as an Arrow table."""
     row, step = np.nonzero(found.present)
-    n = len(MEASURES)
-
-    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
-        return np.stack([getattr(found.series[name], field)[row, step] for name in _NAMES], axis=1).ravel()
-
-    return arrow_table(
-        COLUMNS,
-        {
-            "participant_id": np.repeat(found.participant_id[row], n),
-            "time_step": np.repeat(found.first_time_step + step, n),
-            "measure": labels(_NAMES, np.tile(np.arange(n), len(row))),
-            "unit": labels(_UNITS, np.tile(np.arange(n), len(row))),
-            "value": stacked("value"),
-            "partner_id": stacked("partner_id"),
-            "path": labels(found.paths, stacked("path")),
-        },
-    )
+    values = {
+        field: [getattr(found.series[name], field)[row, step] for name in _NAMES]
+        for field in ("value", "partner_id", "path")
+    }
+    return _long_form(found, row, {"time_step": [found.first_time_step + step] * len(_NAMES), **values})
 
 
 def criticality_extremes_table(found: Evaluated) -> ArrowTable:
     """The most critical value of every measure per participant, with the columns of `criticality_table`."""
-    n = len(MEASURES)
+    values = {
+        field: [getattr(found.extremes[name], field) for name in _NAMES]
+        for field in ("time_step", "value", "partner_id", "path")
+    }
+    return _long_form(found, np.arange(len(found.participant_id)), values)
 
-    def stacked(field: str) -> Any:  # noqa: ANN401 - array of numbers
-        return np.stack([getattr(found.extremes[name], field) for name in _NAMES], axis=1).ravel()
 
-    return arrow_table(
-        COLUMNS,
-        {
-            "participant_id": np.repeat(found.participant_id, n),
-            "time_step": stacked("time_step"),
-            "measure": labels(_NAMES, np.tile(np.arange(n), len(found.participant_id))),
-            "unit": labels(_UNITS, np.tile(np.arange(n), len(found.participant_id))),
-            "value": stacked("value"),
-            "partner_id": stacked("partner_id"),
-            "path": labels(found.paths, stacked("path")),
-        },
-    )
+def _long_form(found: Evaluated, row: Ints, values: dict[str, list[Any]]) -> ArrowTable:
+    """A row per measure for each of some rows of participants; of every column an array per measure is given."""
+    measure = np.tile(np.arange(len(_NAMES)), len(row))
+    columns = {name: np.stack(parts, axis=1).ravel() for name, parts in values.items()}
+    about = {
+        "participant_id": np.repeat(found.participant_id[row], len(_NAMES)),
+        "measure": labels(_NAMES, measure),
+        "unit": labels(_UNITS, measure),
+        "path": labels(found.paths, columns.pop("path")),
+    }
+    return arrow_table(COLUMNS, about | columns)
 
 
 def save_criticality(found: Evaluated, folder: str | Path) -> None:

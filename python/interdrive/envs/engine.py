@@ -88,14 +88,7 @@ class Buffers:
     """Arrays that the core writes, one row per learner; `given` replaces those of the same names."""
 
     def __init__(
-        self,
-        rows: int,
-        n: int,
-        actions: NDArray[Any],
-        given: Mapping[str, Any],
-        *,
-        has_raster: bool,
-        keep_final: bool,
+        self, rows: int, n: int, actions: NDArray[Any], given: Mapping[str, Any], *, has_raster: bool, keep_final: bool
     ) -> None:
         """Makes the arrays that are not given."""
         pictures = (rows, *_core.RASTER)

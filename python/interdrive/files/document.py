@@ -11,7 +11,7 @@ import contextlib
 import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement, fromstring
+from xml.etree.ElementTree import Element, ParseError, SubElement, fromstring
 from xml.parsers import expat
 
 import numpy as np
@@ -376,8 +376,3 @@ def _simplify(shape: Element) -> None:
     rectangle = SubElement(shape, "rectangle")
     for tag in ("length", "width"):
         SubElement(rectangle, tag).text = "1.0"
-
-
-def tree(root: Element) -> ElementTree:
-    """Wraps the root element into the tree that commonroad-io expects."""
-    return ElementTree(root)

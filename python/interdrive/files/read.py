@@ -11,7 +11,7 @@ import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
 
@@ -162,7 +162,7 @@ def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
         """Reads the checked document, so that it is not parsed twice."""
 
         def _parse_file(self) -> None:
-            self._tree = document.tree(root)
+            self._tree = ElementTree(root)
 
     opened: tuple[Foreign, Foreign] = Reader(data).open(lanelet_assignment=False)
     return opened

@@ -38,11 +38,7 @@ def check_animation(path: str | Path) -> None:
 
 
 def animate_run(
-    run: RunRecord,
-    path: str | Path,
-    *,
-    fps: float = 10.0,
-    on_frame: Callable[[int, int], None] | None = None,
+    run: RunRecord, path: str | Path, *, fps: float = 10.0, on_frame: Callable[[int, int], None] | None = None
 ) -> None:
     """Writes a film of the run in real time, whole or not at all.
 

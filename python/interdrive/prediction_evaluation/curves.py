@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from interdrive.prediction_evaluation.tables import groups, mean_of, share_of, t
 from interdrive.storage import Column
 
 if TYPE_CHECKING:
+    from interdrive.array_types import Bools
     from interdrive.prediction_evaluation.samples import Samples
     from interdrive.prediction_evaluation.tables import PredictionEvaluation
     from interdrive.storage import ArrowTable
@@ -44,7 +45,7 @@ ERROR_COLUMNS = (
 )
 
 
-def _by_vehicles(samples: Samples, mask: Any) -> dict[str, Any]:  # noqa: ANN401 - array
+def _by_vehicles(samples: Samples, mask: Bools) -> dict[str, Bools]:
     return {ALL_VEHICLES: mask, MOVING: mask & ~samples.stays, STAYING: mask & samples.stays}
 
 

@@ -33,11 +33,7 @@ EVALUATION_FOLDER = FolderKind("prediction evaluation", _MARK, _belongs)
 
 
 def save_evaluation(
-    found: PredictionEvaluation,
-    folder: str | Path,
-    *,
-    overwrite: bool = False,
-    with_samples: bool = False,
+    found: PredictionEvaluation, folder: str | Path, *, overwrite: bool = False, with_samples: bool = False
 ) -> Path:
     """Writes the folder, whole or not at all, and returns its path.
 

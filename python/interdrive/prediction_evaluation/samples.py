@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from interdrive.array_types import Floats
     from interdrive.prediction_evaluation.recordings import Moment, Recording
     from interdrive.predictors.calls import BoundPredictor
     from interdrive.scenario import Obstacles
@@ -178,21 +179,23 @@ def answered(predictor: BoundPredictor, recording: Recording, moment: Moment) ->
     )
 
 
-def _now(moment: Moment) -> Any:  # noqa: ANN401 - array
+def _now(moment: Moment) -> Floats:
     return np.stack([moment.scene.x[moment.row, -1], moment.scene.y[moment.row, -1]], axis=1)
 
 
-def _speed(moment: Moment) -> Any:  # noqa: ANN401 - array
+def _speed(moment: Moment) -> Floats:
     scene, row = moment.scene, moment.row
-    stated = np.abs(scene.velocity[row, -1])
+    stated: Floats = np.abs(scene.velocity[row, -1])
     if scene.x.shape[1] < 2:
         return stated
     way = np.hypot(scene.x[row, -1] - scene.x[row, -2], scene.y[row, -1] - scene.y[row, -2])
-    return np.where(scene.valid[row, -2], way / scene.dt, stated)
+    speed: Floats = np.where(scene.valid[row, -2], way / scene.dt, stated)
+    return speed
 
 
-def _departure(moment: Moment) -> Any:  # noqa: ANN401 - array
+def _departure(moment: Moment) -> Floats:
     scene, row = moment.scene, moment.row
     orientation, way = scene.orientation[row, -1], float(HORIZONS[-1]) * _speed(moment)
     straight = _now(moment) + way[:, None] * np.stack([np.cos(orientation), np.sin(orientation)], axis=1)
-    return np.linalg.norm(moment.truth[:, -1] - straight, axis=1)
+    departure: Floats = np.linalg.norm(moment.truth[:, -1] - straight, axis=1)
+    return departure

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from numpy.typing import NDArray
+
+    from interdrive.array_types import Bools, Floats
     from interdrive.config.specs import Resolved
     from interdrive.prediction_evaluation.samples import Samples
     from interdrive.run import Json
@@ -204,7 +207,7 @@ def measures_table(found: PredictionEvaluation) -> ArrowTable:
     return table_of(MEASURE_COLUMNS, rows)
 
 
-def _summed(samples: Samples, mask: Any, values: dict[str, Any]) -> dict[str, Any]:  # noqa: ANN401 - array
+def _summed(samples: Samples, mask: Bools, values: dict[str, Any]) -> dict[str, Any]:
     def mean(name: str) -> float:
         return mean_of(values[name][mask])
 
@@ -249,18 +252,18 @@ def _mean(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def mean_of(values: Any) -> float:  # noqa: ANN401 - array
+def mean_of(values: NDArray[Any]) -> float:
     """Mean of the values that are numbers; nan if none is."""
     known = values[np.isfinite(values)] if values.dtype != np.bool_ else values
     return float(known.mean()) if known.size else float("nan")
 
 
-def _quantile(values: Any, share: float) -> float:  # noqa: ANN401 - array
+def _quantile(values: Floats, share: float) -> float:
     known = values[np.isfinite(values)]
     return float(np.quantile(known, share)) if known.size else float("nan")
 
 
-def share_of(levels: Any, percent: float) -> float:  # noqa: ANN401 - array
+def share_of(levels: Floats, percent: float) -> float:
     """Share of the known levels up to a percentage; nan if none is known."""
     known = levels[np.isfinite(levels)]
     return float((known <= percent / 100.0).mean()) if known.size else float("nan")

@@ -8,14 +8,7 @@ from __future__ import annotations
 
 from interdrive.native_settings import ConstantVelocity, LaneFollowing
 from interdrive.predictors.contract import Predictor
-from interdrive.predictors.native import (
-    NATIVE,
-    RECORDS,
-    GroundTruth,
-    Neural,
-    PredictorSettings,
-    native_predictor,
-)
+from interdrive.predictors.native import NATIVE, RECORDS, GroundTruth, Neural, PredictorSettings, native_predictor
 
 __all__ = [
     "NATIVE",

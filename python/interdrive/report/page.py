@@ -40,15 +40,7 @@ def pages_side_by_side(title: str, pages: Sequence[tuple[str, str]]) -> str:
         for name, text in pages
     )
     return "\n".join(
-        (
-            _head(title, _SIDE_BY_SIDE),
-            "<body>",
-            f"<script>{_RELAY}</script>",
-            *shown,
-            "</body>",
-            "</html>",
-            "",
-        )
+        (_head(title, _SIDE_BY_SIDE), "<body>", f"<script>{_RELAY}</script>", *shown, "</body>", "</html>", "")
     )
 
 

@@ -98,11 +98,7 @@ def with_routes(part: RunRecord, results: Results) -> RunRecord:
 
 def with_cooperation(part: Part, results: Results) -> Part:
     """`part`, as `read_part` gave it, with messages and agreements of `results`."""
-    return replace(
-        part,
-        messages=_rows(Messages, results.messages),
-        agreements=_rows(Agreements, results.agreements),
-    )
+    return replace(part, messages=_rows(Messages, results.messages), agreements=_rows(Agreements, results.agreements))
 
 
 def _rows(kind: type[Rows], table: ArrowTable | None) -> Rows | None:

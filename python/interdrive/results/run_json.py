@@ -178,12 +178,7 @@ _GOAL = _Table(
 
 _AGENT = _Table(
     needed={"id": _WHOLE},
-    optional={
-        "origin": _TEXT,
-        "start_time_step": _WHOLE,
-        "goal": _ListOf(_GOAL),
-        "route_lanelet_ids": _ListOf(_WHOLE),
-    },
+    optional={"origin": _TEXT, "start_time_step": _WHOLE, "goal": _ListOf(_GOAL), "route_lanelet_ids": _ListOf(_WHOLE)},
 )
 
 _SCENARIO = _Table(

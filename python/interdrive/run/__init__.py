@@ -19,12 +19,7 @@ from interdrive.run.arrays import (
     Views,
     Violations,
 )
-from interdrive.run.record import (
-    AgentRecord,
-    Json,
-    RunRecord,
-    RunSettings,
-)
+from interdrive.run.record import AgentRecord, Json, RunRecord, RunSettings
 from interdrive.run.rules import RULES, VIOLATIONS
 
 __all__ = [

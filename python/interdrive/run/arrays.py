@@ -343,10 +343,9 @@ class Agreements(Tabular):
     _rows = "agreements"
 
     holding_id: Ints = field(metadata=integer("agent that held before road that others need as well"))
-    going_id: Ints = field(metadata=integer("agent for which it held", null="the way behind was blocked"))
+    going_id: Ints = field(metadata=integer("agent for which it held", null="the way was blocked"))
     first_time_step: Ints = field(metadata=integer("first time step in which it held"))
     last_time_step: Ints = field(metadata=integer("last one, included"))
     bar_x: Floats = field(metadata=number("where it was to stop", "m"))
     bar_y: Floats = field(metadata=number("the same", "m"))
     bar_heading: Floats = field(metadata=number("its heading there", "rad"))
-    claim: Ints = field(metadata=integer("number of its claim"))

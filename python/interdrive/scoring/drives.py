@@ -15,11 +15,10 @@ from interdrive.scenario.native import core_road
 from interdrive.scoring.terms import Motion
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from interdrive.array_types import Floats, Ints
-    from interdrive.criticality.source import RecordedRun
-    from interdrive.run import States
+    from interdrive.run import RunRecord, States
     from interdrive.scenario import Obstacles, Scenario
 
 #: Lanelets cross that overlap by more than this [m²] once they are eroded by this [m]; as in `interdrive.criticality`.
@@ -59,7 +58,7 @@ class Site:
 _last: list[Site] = []
 
 
-def site_of(run: RecordedRun, settings: Mapping[str, Any]) -> Site:
+def site_of(run: RunRecord, settings: Mapping[str, Any]) -> Site:
     """The site of a run, whose settings are given by their dotted names."""
     own = {name.partition(".")[2]: value for name, value in settings.items() if name.startswith("road.")}
     known = {name: value for name, value in own.items() if name in RoadSettings.__dataclass_fields__}
@@ -70,7 +69,7 @@ def site_of(run: RecordedRun, settings: Mapping[str, Any]) -> Site:
     return _last[0]
 
 
-def traffic(site: Site, source: Scenario | RecordedRun) -> _core.Traffic:
+def traffic(site: Site, source: Scenario | RunRecord) -> _core.Traffic:
     """Traffic as simulated or recorded, in the core."""
     return _core.Traffic(site.scenario.dt, site.road, traffic_of(source).in_core, site.crossing)
 
@@ -116,8 +115,3 @@ def along(path: Floats, motion: Motion) -> tuple[Floats, Floats]:
     if len(path) < 2 or not len(motion.x):
         return np.empty(0), np.empty(0)
     return _core.follow_path(np.ascontiguousarray(path), motion.x, motion.y)
-
-
-def ids_of(sequence: Sequence[int] | None, known: Ints) -> Ints:
-    """Chosen ids, ascending; all that are known for None."""
-    return known if sequence is None else np.array(sorted(set(sequence)), dtype=np.int64)

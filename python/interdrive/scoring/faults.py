@@ -71,9 +71,7 @@ def verdicts(
     ]
     reaction = settings.reaction
     found = traffic.blame(
-        contacts,
-        (reaction.delay, reaction.deceleration),
-        (reaction.others_delay, reaction.others_deceleration),
+        contacts, (reaction.delay, reaction.deceleration), (reaction.others_delay, reaction.others_deceleration)
     )
     dt, judged = run.scenario.dt, {}
     for i, (who, whom, when, _) in enumerate(contacts):

@@ -34,14 +34,7 @@ from interdrive.storage.tables import (
     write_parquet,
     write_table,
 )
-from interdrive.storage.writing import (
-    json_text,
-    not_a_link,
-    one_line,
-    replacing,
-    resolved,
-    write_json,
-)
+from interdrive.storage.writing import json_text, not_a_link, one_line, replacing, resolved, write_json
 
 if TYPE_CHECKING:
     from interdrive.storage.tables import ArrowTable

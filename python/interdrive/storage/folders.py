@@ -18,15 +18,7 @@ from typing import TYPE_CHECKING
 
 from interdrive.errors import ResultsError
 from interdrive.storage.locks import Locks
-from interdrive.storage.writing import (
-    hidden,
-    not_a_link,
-    one_line,
-    parents_of,
-    replace_path,
-    resolved,
-    written_beside,
-)
+from interdrive.storage.writing import hidden, not_a_link, one_line, parents_of, replace_path, resolved, written_beside
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

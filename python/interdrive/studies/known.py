@@ -40,10 +40,7 @@ STUDIES = {
         Case("merge/ZAM_Zip-1_56_T-1.xml", 29, 2),
         Case("lane_merge", 2001, 1004),
     ),
-    "t_junction": (
-        Case("t_junction/ZAM_Tjunction-1_42_T-1.xml", 60000, 5),
-        Case("t_junction", 2001, 1001),
-    ),
+    "t_junction": (Case("t_junction/ZAM_Tjunction-1_42_T-1.xml", 60000, 5), Case("t_junction", 2001, 1001)),
 }
 
 

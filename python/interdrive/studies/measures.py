@@ -102,66 +102,25 @@ def _extreme(name: str, settings: CriticalitySettings | None = None) -> Callable
 #: Wider than any map of a scenario [m].
 _EVERYWHERE = 2000.0
 
+_ABSENT = "one of the two was not there"
+
+
+def _number(name: str, text: str, unit: str, null: str = _ABSENT) -> Column:
+    return Column(name, "number", text, unit, null=null)
+
+
+_DCE = _number("min_dce", "smallest distance between the footprints of the two", "m")
+_TTC = _number("min_ttc", "smallest time to collision along lanes with the other", "s")
+_BTN = _number("max_btn", "largest brake threat number of the agent behind the other", "1")
+_ET = _number("et", "encroachment time of the agent", "s", f"it entered and never left, or {_ABSENT}")
+_PET = _number("pet", "post-encroachment time of the two", "s")
+
 #: The numbers of the table, in its order. docs/reference/criticality.md defines them; where the map states no
 #: intersection, the vehicles encroach where lanelets cross or join.
 MEASURES = (
-    Measure(
-        Column(
-            "min_dce",
-            "number",
-            "smallest distance between the footprints of the two",
-            "m",
-            null="one of the two was not there",
-        ),
-        "min. DCE [m]",
-        "dce",
-        2,
-        distance_of_closest_encounter,
-    ),
-    Measure(
-        Column(
-            "min_ttc",
-            "number",
-            "smallest time to collision along lanes with the other",
-            "s",
-            null="one of the two was not there",
-        ),
-        "min. TTC [s]",
-        "ttc",
-        2,
-        _extreme("ttc"),
-    ),
-    Measure(
-        Column(
-            "max_btn",
-            "number",
-            "largest brake threat number of the agent behind the other",
-            "1",
-            null="one of the two was not there",
-        ),
-        "max. BTN",
-        "btn",
-        2,
-        _extreme("btn"),
-    ),
-    Measure(
-        Column(
-            "et",
-            "number",
-            "encroachment time of the agent",
-            "s",
-            null="it entered and never left, or one of the two was not there",
-        ),
-        "ET [s]",
-        "et",
-        1,
-        _extreme("et"),
-    ),
-    Measure(
-        Column("pet", "number", "post-encroachment time of the two", "s", null="one of the two was not there"),
-        "PET [s]",
-        "pet",
-        1,
-        _extreme("pet"),
-    ),
+    Measure(_DCE, "min. DCE [m]", "dce", 2, distance_of_closest_encounter),
+    Measure(_TTC, "min. TTC [s]", "ttc", 2, _extreme("ttc")),
+    Measure(_BTN, "max. BTN", "btn", 2, _extreme("btn")),
+    Measure(_ET, "ET [s]", "et", 1, _extreme("et")),
+    Measure(_PET, "PET [s]", "pet", 1, _extreme("pet")),
 )

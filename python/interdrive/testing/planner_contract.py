@@ -38,10 +38,7 @@ _SPOT = 1e-3
 #: Others that drive beside the planner under test, and settings, in the worlds with V2X.
 _V2X: dict[str, tuple[list[int], dict[str, float | bool]]] = {
     "an agreement to wait": ([1], {"v2x.penetration": 1.0, "v2x.negotiate": True}),
-    "a car that only another agent sees": (
-        [1],
-        {"v2x.penetration": 1.0, "v2x.cpm": True, "view.occlusion": True},
-    ),
+    "a car that only another agent sees": ([1], {"v2x.penetration": 1.0, "v2x.cpm": True, "view.occlusion": True}),
 }
 
 

@@ -115,11 +115,7 @@ def bend(radius: float = 30.0, arm: float = 50.0, lane_width: float = 3.5) -> La
 
 
 def _lanelets(
-    ids: list[int],
-    left: list[np.ndarray],
-    right: list[np.ndarray],
-    adjacent_left: list[int],
-    adjacent_right: list[int],
+    ids: list[int], left: list[np.ndarray], right: list[np.ndarray], adjacent_left: list[int], adjacent_right: list[int]
 ) -> Lanelets:
     n = len(ids)
     return Lanelets(

@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::shape::Lcg;
-use crate::road::{LaneletInput, RoadJudge, RoadSettings, Users};
+use crate::road::{LaneletInput, RoadJudge, RoadSettings};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 fn car() -> Shape {
@@ -189,17 +189,7 @@ fn without_others_there_is_no_contact() {
 /// One straight lane along x, 4 m wide, 200 m long.
 fn straight_road() -> RoadNetwork {
     let border = |y: f64| (0..=20).map(|i| Point::new(f64::from(i) * 10.0, y)).collect::<Vec<_>>();
-    let lanelet = LaneletInput {
-        id: 1,
-        left: border(2.0),
-        right: border(-2.0),
-        predecessors: Vec::new(),
-        successors: Vec::new(),
-        adjacent_left: None,
-        adjacent_right: None,
-        speed_limit: f64::NAN,
-        users: Users::ALL,
-    };
+    let lanelet = LaneletInput::between(1, border(2.0), border(-2.0));
     let settings = RoadSettings { judge: RoadJudge::Body, ..RoadSettings::default() };
     RoadNetwork::new(vec![lanelet], settings).expect("one lanelet")
 }
@@ -224,17 +214,7 @@ fn a_car_departs_when_its_footprint_crosses_the_border_even_if_it_comes_back() {
 fn a_gap_in_the_road_is_found_where_the_footprint_first_reaches_into_it() {
     // Lanes of 4 m from x = 0 to 50 and from 52 to 100; the front of the car is 2 m ahead of its centre.
     let border = |from: f64, to: f64, y: f64| vec![Point::new(from, y), Point::new(to, y)];
-    let lanelet = |id, from, to| LaneletInput {
-        id,
-        left: border(from, to, 2.0),
-        right: border(from, to, -2.0),
-        predecessors: Vec::new(),
-        successors: Vec::new(),
-        adjacent_left: None,
-        adjacent_right: None,
-        speed_limit: f64::NAN,
-        users: Users::ALL,
-    };
+    let lanelet = |id, from, to| LaneletInput::between(id, border(from, to, 2.0), border(from, to, -2.0));
     let road = crate::road::testing::closed(vec![lanelet(1, 0.0, 50.0), lanelet(2, 52.0, 100.0)]);
     // Looked at every 0.25 m of 50 m; the map may be wrong by 0.1 m.
     let found =

@@ -21,8 +21,8 @@ const TICKET_REACH: f64 = 5.0;
 /// An agent that was granted passage and is this near beyond the braking distance [m] keeps it, with gaps that are smaller by
 /// this [s].
 const STICKY_REACH: f64 = 10.0;
-pub(crate) const STICKY_LEAD: f64 = 0.3;
-pub(crate) const STICKY_LAG: f64 = 0.15;
+const STICKY_LEAD: f64 = 0.3;
+const STICKY_LAG: f64 = 0.15;
 
 /// Zones of a passage for which there is memory at first.
 const ZONES_ABOUT: usize = 4;
@@ -130,6 +130,21 @@ impl Traffic<'_> {
         orders
     }
 
+    /// The order of one traveller, as it follows from its own ledger; `knows` says of which bodies it knows.
+    pub fn order_of(&self, viewer: usize, knows: &dyn Fn(usize) -> bool) -> Option<Order> {
+        let members = self.clusters().into_iter().find(|members| members.contains(&viewer))?;
+        let mut is_wanted: Vec<bool> = self.travellers.iter().map(|traveller| self.is_stuck(traveller)).collect();
+        members.iter().for_each(|member| is_wanted[*member] = true);
+        let queues = self.queues(&is_wanted);
+        let mut known = self.concerned(&members, &queues);
+        known.retain(|body| knows(*body));
+        let mut orders: Vec<Order> =
+            Ledger::new(self, &known, &queues).decide(&members).into_iter().flatten().collect();
+        self.break_circles(&mut orders, &queues);
+        let id = self.bodies[self.travellers[viewer].body].id;
+        orders.into_iter().find(|order| order.id == id)
+    }
+
     /// Bodies that may change the orders of a group of travellers.
     fn concerned(&self, members: &[usize], queues: &[Vec<Ahead>]) -> Vec<usize> {
         let own = members.iter().map(|index| self.travellers[*index].body);
@@ -230,11 +245,11 @@ impl<'a> Ledger<'a> {
         let body = &traffic.bodies[traveller.body];
         let first = traveller.course.first_passage(traveller.front - body.length);
         let mut order = None;
-        for (number, passage) in traveller.course.passages.iter().enumerate().skip(first) {
+        for passage in &traveller.course.passages[first..] {
             // One that looks around a corner may come as near as the zone.
             let peeks = if traveller.unseen.is_empty() { 0.0 } else { MARGIN };
             let ahead = passage.entry_line + peeks - traveller.front;
-            let memory = traveller.memory_of(number);
+            let memory = traveller.memory_of(passage.number);
             if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
                 let is_near = ahead <= reach(body.velocity);
                 // Behind a line or a crosswalk that holds it there is time to ask.
@@ -296,6 +311,7 @@ impl<'a> Ledger<'a> {
             for other in self.ahead(request.traveller, traveller.front).take_while(|other| other.rear <= entry_line) {
                 match by_body.get(&other.body) {
                     Some(other) => ahead.push(*other),
+                    None if traveller.asks_by_message => is_blocked = true,
                     None if other.front > entry_line => continue,
                     None => is_blocked |= self.traffic.bodies[other.body].velocity < CRAWLING_SPEED,
                 }
@@ -321,8 +337,7 @@ impl<'a> Ledger<'a> {
         let waits = |request: &Request<'_>, other: &Request<'_>| {
             let (own, their) = (self.traveller(request), self.traveller(other));
             let meets = |zone: &Zone| {
-                let is_shared = |their: &Zone| their.area == zone.area && their.side != zone.side;
-                other.passage.zones.iter().any(is_shared) && zone.conflicts(own.width + their.width)
+                other.passage.zones.iter().any(|their| zone.meets(their)) && zone.conflicts(own.width + their.width)
             };
             let goes_first = |zone: &Zone| own.goes_first(Some(their), zone.first == Some(true));
             request.passage.zones.iter().any(|zone| !goes_first(zone) && meets(zone))

@@ -13,10 +13,12 @@ mod ledger;
 #[cfg(test)]
 mod rail_tests;
 mod traffic;
+mod ways;
 mod windows;
 mod zones;
 
-pub(crate) use ledger::{STICKY_LAG, STICKY_LEAD};
-pub use traffic::{Body, Memory, Order, OrderKind, Place, Reservation, Traffic, Traveller, Yielding};
-pub(crate) use zones::reach;
-pub use zones::{Course, DESIGN_WIDTH, Passage, REACH, REACH_TIME, SPEED_MAX, Zone, meeting_width};
+pub(crate) use traffic::{Body, Place, Reservation, Traffic, Traveller, Yielding};
+pub use traffic::{Memory, Order, OrderKind};
+pub(crate) use ways::{crossing, strip};
+pub(crate) use zones::{Course, MARGIN, SPEED_MAX, Zone, reach};
+pub use zones::{DESIGN_WIDTH, REACH, REACH_TIME, meeting_width};

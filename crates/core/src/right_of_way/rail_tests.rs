@@ -182,6 +182,7 @@ impl<'a> World<'a> {
             memory: vehicle.memory,
             line: f64::INFINITY,
             crosswalk: f64::INFINITY,
+            asks_by_message: false,
             turns_on_red: false,
             unseen: &[],
             sight: f64::INFINITY,

@@ -82,7 +82,7 @@ pub struct Order {
 
 /// An agent that obeys.
 #[derive(Debug, Clone, Copy)]
-pub struct Traveller<'a> {
+pub(crate) struct Traveller<'a> {
     /// Its body, as a position in `Traffic::bodies`.
     pub body: usize,
     /// Width [m].
@@ -99,6 +99,8 @@ pub struct Traveller<'a> {
     pub line: f64,
     /// Arc length of the crosswalk before which it has to wait [m]; infinite without one.
     pub crosswalk: f64,
+    /// It does not obey, or is not seen: it asks those who hear it by messages. Behind who asks for nothing it asks for nothing.
+    pub asks_by_message: bool,
     /// It turns right on red: it waits for all others.
     pub turns_on_red: bool,
     /// It sees others up to this distance [m].
@@ -109,7 +111,7 @@ pub struct Traveller<'a> {
 
 /// A place on a lanelet and how far the front is ahead of it [m].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub(crate) struct Place {
     /// Index of the lanelet.
     pub lanelet: usize,
     /// Arc length there [m].
@@ -120,7 +122,7 @@ pub struct Place {
 
 /// A participant on the road.
 #[derive(Debug, Clone)]
-pub struct Body {
+pub(crate) struct Body {
     /// Its id.
     pub id: i64,
     /// Length [m].
@@ -133,7 +135,7 @@ pub struct Body {
 
 /// When a participant uses a conflict zone [s from now].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reservation {
+pub(crate) struct Reservation {
     /// The zone, as its side sees it.
     pub zone: Zone,
     /// From then on, as others may expect ...
@@ -152,7 +154,7 @@ pub struct Reservation {
 
 /// Whether a participant that does not obey waits for those that go first by the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Yielding {
+pub(crate) enum Yielding {
     /// It does not.
     No,
     /// It should, but to stop now would be hard: only those that trust others count on it.
@@ -163,7 +165,7 @@ pub enum Yielding {
 
 /// Everything from which ledgers are made in one time step.
 #[derive(Debug, Clone, Copy)]
-pub struct Traffic<'a> {
+pub(crate) struct Traffic<'a> {
     /// Now.
     pub time_step: i64,
     /// Time between steps [s].
@@ -243,7 +245,7 @@ impl Traffic<'_> {
     }
 
     /// The traveller with a body.
-    pub(super) fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
+    pub fn of_body(&self, body: usize) -> Option<&Traveller<'_>> {
         let place = self.travellers.binary_search_by_key(&body, |other| other.body).ok()?;
         Some(&self.travellers[place])
     }

@@ -1,6 +1,8 @@
 //! Conflict zones: ground that two sides share. On the way of an agent they form passages, between places where it can
 //! stand without being in any of them.
 
+use std::sync::Arc;
+
 use crate::junctions::{Area, AreaKind, Junctions};
 use crate::road::RoadNetwork;
 use crate::route::{PathPiece, Route};
@@ -16,7 +18,7 @@ pub const REACH_TIME: f64 = 8.0;
 /// See [`REACH_TIME`].
 pub const REACH: f64 = 60.0;
 /// Vehicles keep this distance from an area [m], on either side.
-pub(super) const MARGIN: f64 = 0.3;
+pub(crate) const MARGIN: f64 = 0.3;
 /// Agents stop this far before a passage [m]; to see more, they come nearer by so much [m].
 pub(super) const GAP: f64 = 0.5;
 pub(super) const PEEK: f64 = GAP - 0.1;
@@ -38,7 +40,7 @@ pub(crate) fn reach(velocity: f64) -> f64 {
 
 /// A conflict zone as one of its two sides sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Zone {
+pub(crate) struct Zone {
     /// Position in `Junctions::areas`.
     pub area: usize,
     /// The own side (0 or 1).
@@ -67,6 +69,17 @@ impl Zone {
         Self { area: index, side, entry, exit, kind, first, width, has_sign, junction }
     }
 
+    /// Between the ways that two agents tell each other; the first to arrive goes first.
+    pub(crate) fn told(number: usize, side: usize, (entry, exit): (f64, f64)) -> Self {
+        let (kind, width) = (AreaKind::Cross, f64::INFINITY);
+        Self { area: number, side, entry, exit, kind, first: None, width, has_sign: false, junction: number }
+    }
+
+    /// They share ground.
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        self.area == other.area && self.side != other.side
+    }
+
     /// Two vehicles of these widths together [m] can use it only one after the other.
     pub(super) fn conflicts(&self, widths: f64) -> bool {
         self.kind != AreaKind::Opposed || widths + MEETING_MARGIN > self.width
@@ -80,7 +93,9 @@ pub fn meeting_width(area: &Area) -> f64 {
 
 /// Zones between two places where the vehicle can stand without being in any of them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Passage {
+pub(crate) struct Passage {
+    /// Its place among all passages of the way.
+    pub number: usize,
     /// Its zones, by where they begin.
     pub zones: Vec<Zone>,
     /// Arc length that the front does not pass before the vehicle may go [m].
@@ -99,9 +114,9 @@ pub struct Passage {
 
 /// The conflict zones on the reference path of an agent.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Course {
+pub(crate) struct Course {
     /// The pieces of its path in driving order.
-    pub pieces: Vec<PathPiece>,
+    pub pieces: Arc<[PathPiece]>,
     /// Its passages in driving order.
     pub passages: Vec<Passage>,
 }
@@ -115,7 +130,6 @@ impl Course {
         vehicle: &Vehicle,
     ) -> Self {
         let &Vehicle { length, width, .. } = vehicle;
-        let lateral = vehicle.cornering(LATERAL);
         let path = &route.path;
         let pieces = &route.pieces;
         let wider = 0.5 * (width - DESIGN_WIDTH).max(0.0);
@@ -152,18 +166,15 @@ impl Course {
                 _ => groups.push((zone.exit, vec![zone])),
             }
         }
-        let passage = |(end, zones): (f64, Vec<Zone>)| {
+        let passage = |(number, (end, zones)): (usize, (f64, Vec<Zone>))| {
             let (entry_line, end) = (zones[0].entry - MARGIN, end + MARGIN);
-            let at = |s: f64| limits.at(s).min(SPEED_MAX).min((lateral / path.curvature_at(s).abs()).sqrt());
-            let n = (end - entry_line).ceil().max(1.0) as usize;
-            let speed = (0..=n)
-                .map(|i| at(entry_line + i as f64 * (end - entry_line) / n as f64))
-                .fold(f64::INFINITY, f64::min);
+            let speed = speed((route, limits, vehicle), (entry_line, end));
             let mut numbers: Vec<usize> = zones.iter().map(|zone| zone.junction).collect();
             numbers.sort_unstable();
             numbers.dedup();
             let there = pieces.iter().find(|piece| end <= piece.end).or(pieces.last());
             Passage {
+                number,
                 entry_line,
                 end,
                 speed,
@@ -174,7 +185,37 @@ impl Course {
                 zones,
             }
         };
-        Self { passages: groups.into_iter().map(passage).collect(), pieces: pieces.clone() }
+        Self { passages: groups.into_iter().enumerate().map(passage).collect(), pieces: Arc::from(&**pieces) }
+    }
+
+    /// Adds a zone, to the passage that it belongs to or as one of its own with a number.
+    pub(crate) fn add(&mut self, zone: Zone, number: usize, way: (&Route, &SpeedLimits, &Vehicle)) {
+        let (entry_line, end) = (zone.entry - MARGIN, zone.exit + MARGIN);
+        let (approach, speed) = (way.1.at(entry_line).min(SPEED_MAX), speed(way, (entry_line, end)));
+        let room = way.2.length;
+        let is_near = |one: &&mut Passage| entry_line < one.end + room && one.entry_line < end + room;
+        if let Some(passage) = self.passages.iter_mut().find(is_near) {
+            (passage.entry_line, passage.end) = (passage.entry_line.min(entry_line), passage.end.max(end));
+            passage.speed = passage.speed.min(speed);
+            passage.zones.push(zone);
+            passage.junctions.push(zone.junction);
+            return;
+        }
+        let exit = self.lanelet_at(end).map_or(usize::MAX, |(lanelet, _)| lanelet);
+        let (junctions, zones) = (vec![zone.junction], vec![zone]);
+        let place = self.passages.partition_point(|passage| passage.entry_line < entry_line);
+        let passage = Passage { number, zones, entry_line, end, speed, approach, exit, extra_lead: 0.0, junctions };
+        self.passages.insert(place, passage);
+    }
+
+    /// The same with some of its zones only, and the passages that have any of these.
+    pub fn filtered(&self, is_wanted: impl Fn(&Zone) -> bool) -> Self {
+        let of = |passage: &Passage| {
+            let zones: Vec<Zone> = passage.zones.iter().filter(|zone| is_wanted(zone)).copied().collect();
+            let junctions = zones.iter().map(|zone| zone.junction).collect();
+            (!zones.is_empty()).then(|| Passage { zones, junctions, ..passage.clone() })
+        };
+        Self { passages: self.passages.iter().filter_map(of).collect(), pieces: Arc::clone(&self.pieces) }
     }
 
     /// First passage that a rear at an arc length [m] has not left.
@@ -211,4 +252,12 @@ impl Course {
         let piece = self.pieces.iter().rev().find(|piece| piece.start <= s && piece.has(s))?;
         Some((piece.lanelet, s - piece.start))
     }
+}
+
+/// The speed that a vehicle can have on a stretch of its path [m/s].
+fn speed((route, limits, vehicle): (&Route, &SpeedLimits, &Vehicle), (from, to): (f64, f64)) -> f64 {
+    let lateral = vehicle.cornering(LATERAL);
+    let at = |s: f64| limits.at(s).min(SPEED_MAX).min((lateral / route.path.curvature_at(s).abs()).sqrt());
+    let n = (to - from).ceil().max(1.0) as usize;
+    (0..=n).map(|i| at(from + i as f64 * (to - from) / n as f64)).fold(f64::INFINITY, f64::min)
 }

@@ -151,15 +151,9 @@ impl Lanelet {
         let (left, right) = self.bounds_between(from, to);
         let relations = (std::mem::take(&mut self.predecessors), std::mem::take(&mut self.successors));
         let input = LaneletInput {
-            id: self.id,
-            left,
-            right,
-            predecessors: Vec::new(),
-            successors: Vec::new(),
-            adjacent_left: None,
-            adjacent_right: None,
             speed_limit: self.speed_limit,
             users: self.users,
+            ..LaneletInput::between(self.id, left, right)
         };
         let (adjacent_left, adjacent_right) = (self.adjacent_left, self.adjacent_right);
         let (predecessors, successors) = relations;

@@ -1,6 +1,6 @@
 //! Small invented roads for tests. Lanes are 3.5 m wide.
 
-use super::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings, Users};
+use super::{LaneletInput, RoadJudge, RoadNetwork, RoadSettings};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
 
@@ -26,17 +26,7 @@ pub(crate) fn tapered_lane(id: i64, center: &[Point], first_width: f64, last_wid
             })
             .collect()
     };
-    LaneletInput {
-        id,
-        left: side(1.0),
-        right: side(-1.0),
-        predecessors: Vec::new(),
-        successors: Vec::new(),
-        adjacent_left: None,
-        adjacent_right: None,
-        speed_limit: f64::NAN,
-        users: Users::ALL,
-    }
+    LaneletInput::between(id, side(1.0), side(-1.0))
 }
 
 /// Points every metre from one point to another.

@@ -84,7 +84,7 @@ impl Crosswalk {
     }
 
     /// A vehicle gives way to people here if they are on the lane, have not left it by 2 m, or are about to walk onto it.
-    pub fn is_claimed(&self, person: &Person) -> bool {
+    pub fn is_used_by(&self, person: &Person) -> bool {
         let aside = (person.position - self.middle).dot(self.left);
         let outside = (aside.abs() - self.half_lane).max(0.0);
         let towards = -person.velocity.dot(self.left) * aside.signum();
@@ -180,9 +180,9 @@ mod tests {
         found[0].clone()
     }
 
-    fn is_claimed((x, y): (f64, f64), (vx, vy): (f64, f64), rides: bool) -> bool {
+    fn is_used_by((x, y): (f64, f64), (vx, vy): (f64, f64), rides: bool) -> bool {
         let (position, velocity) = (Point::new(x, y), Point::new(vx, vy));
-        crosswalk().is_claimed(&Person { position, velocity, rides })
+        crosswalk().is_used_by(&Person { position, velocity, rides })
     }
 
     #[test]
@@ -216,22 +216,22 @@ mod tests {
             (3.0, 1.3, true),   // has left it by 1.25 m
             (3.8, 1.3, false),  // by 2.05 m
         ] {
-            assert_eq!(is_claimed((50.0, y), (0.0, vy), false), expected, "y {y} m, {vy} m/s");
+            assert_eq!(is_used_by((50.0, y), (0.0, vy), false), expected, "y {y} m, {vy} m/s");
         }
     }
 
     #[test]
     fn people_elsewhere_or_along_the_road_do_not_count() {
-        assert!(!is_claimed((40.0, -3.0), (0.0, 1.3), false), "10 m before the crosswalk");
-        assert!(!is_claimed((40.0, 0.0), (1.3, 0.0), false), "on the lane before it");
-        assert!(!is_claimed((50.0, -3.0), (1.3, 0.0), false), "along the pavement");
-        assert!(is_claimed((48.0, -4.0), (0.9, 0.9), false), "at an angle");
+        assert!(!is_used_by((40.0, -3.0), (0.0, 1.3), false), "10 m before the crosswalk");
+        assert!(!is_used_by((40.0, 0.0), (1.3, 0.0), false), "on the lane before it");
+        assert!(!is_used_by((50.0, -3.0), (1.3, 0.0), false), "along the pavement");
+        assert!(is_used_by((48.0, -4.0), (0.9, 0.9), false), "at an angle");
     }
 
     #[test]
     fn a_bicycle_counts_where_it_rides_across() {
-        assert!(is_claimed((50.0, -6.0), (0.0, 4.0), true));
-        assert!(!is_claimed((50.0, 0.0), (4.0, 0.0), true), "along the lane");
-        assert!(!is_claimed((50.0, 0.0), (0.0, 0.0), true), "it stands");
+        assert!(is_used_by((50.0, -6.0), (0.0, 4.0), true));
+        assert!(!is_used_by((50.0, 0.0), (4.0, 0.0), true), "along the lane");
+        assert!(!is_used_by((50.0, 0.0), (0.0, 0.0), true), "it stands");
     }
 }

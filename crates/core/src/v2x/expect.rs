@@ -8,9 +8,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
-use super::message::{Message, Object, Payload, PlanPoint};
+use super::message::{Message, Object, Payload};
 use super::network::Network;
 use super::trigger::interpolated;
+use crate::barrier::Barrier;
+use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::predict::{told as write_told, write};
@@ -21,6 +23,12 @@ use crate::vehicle::ParticipantKind;
 
 /// Id of the bar before which an agent holds.
 const BAR: i64 = -1;
+/// Its length, and its largest width to each side [m]; it is not wider than this share of the radius of the curve on a
+/// stretch of path before it [m].
+const BAR_LENGTH: f64 = 0.3;
+const BAR_SIDE: f64 = 6.0;
+const BAR_CURVE: f64 = 0.8;
+const BAR_STRETCH: f64 = 15.0;
 /// A plan that ends earlier is not used [s].
 const SHORTEST_PLAN: f64 = 1.0;
 /// An agent this much faster or slower than planned [m/s] does not follow its plan.
@@ -86,8 +94,8 @@ pub(crate) struct Observer<'a> {
     pub(crate) place: usize,
     pub(crate) row: usize,
     pub(crate) view: &'a ViewLimits,
-    /// Its planner knows of no place where to hold, so it needs to see a bar there.
-    pub(crate) needs_bar: bool,
+    /// Its planner knows of no place where to hold, so it needs to see a bar there: its path and the barrier.
+    pub(crate) bar: Option<(&'a ReferencePath, Barrier)>,
 }
 
 /// What fills an additional row.
@@ -162,7 +170,7 @@ impl Network {
         let age = |message: &Message| (scene.time_step - message.time_step) as f64 * self.dt;
         let mut known = Vec::with_capacity(visible.len());
         for place in visible.iter().copied() {
-            let plan = senders[place].and_then(|sender| inbox.heard[sender].mcm.as_ref().map(|plan| (sender, plan)));
+            let plan = senders[place].and_then(|sender| inbox.heard[sender][1].as_ref().map(|plan| (sender, plan)));
             let row = plan.and_then(|(sender, plan)| self.plan_row(scene, sender, plan, Some(place), more));
             let age = row.and(plan).map_or(0.0, |(_, plan)| age(plan));
             let row = row.map_or(place, |extra| ids.len() + extra);
@@ -170,9 +178,9 @@ impl Network {
         }
         let is_seen = |known: &[Known], id: i64| known[..visible.len()].binary_search_by_key(&id, |k| k.id).is_ok();
         let mut told: Vec<Known> = Vec::new();
-        for (sender, heard) in inbox.heard.iter().enumerate() {
+        for (sender, [cam, mcm]) in inbox.heard.iter().enumerate() {
             let id = self.ids()[sender];
-            let newest = match (&heard.cam, &heard.mcm) {
+            let newest = match (cam, mcm) {
                 (Some(cam), Some(mcm)) if cam.time_step > mcm.time_step => cam,
                 (_, Some(message)) | (Some(message), None) => message,
                 (None, None) => continue,
@@ -181,7 +189,7 @@ impl Network {
                 continue;
             }
             let status = *newest.status().expect("these messages say it");
-            let plan = heard.mcm.as_ref();
+            let plan = mcm.as_ref();
             let planned = plan.and_then(|plan| Some((plan, self.plan_row(scene, sender, plan, None, more)?)));
             let (row, age) = match planned {
                 Some((plan, extra)) => (extra, age(plan)),
@@ -206,14 +214,11 @@ impl Network {
         }
         keep_unseen(scene, observer, &mut told, &more.extras);
         known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
-        if let Some(bar) = self.standpoints[observer.place].bar.filter(|_| observer.needs_bar) {
-            let Pose { position, orientation } = bar.pose;
-            let state = State { x: position.x, y: position.y, orientation, ..State::default() };
-            let shape = Shape::rectangle(bar.extent.0, bar.extent.1);
-            let kind = ParticipantKind::ConstructionZone;
-            let is_static = bar.barrier.until.is_infinite();
+        if let Some((path, barrier)) = observer.bar {
+            let (state, shape) = bar(path, barrier.s);
+            let (kind, is_static) = (ParticipantKind::ConstructionZone, barrier.until.is_infinite());
             more.extras.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
-            more.fillings.push(Filling::Bar(bar.barrier.until));
+            more.fillings.push(Filling::Bar(barrier.until));
             known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
         }
         known.sort_by_key(|known| known.id);
@@ -253,15 +258,7 @@ impl Network {
         }
         let age = (scene.time_step - message.time_step) as f64 * self.dt;
         let planned = interpolated(points, *spacing, age);
-        let mut state = State {
-            x: planned.x,
-            y: planned.y,
-            orientation: planned.orientation,
-            velocity: planned.velocity,
-            acceleration: 0.0,
-            yaw_rate: 0.0,
-        };
-        let mut off = Point::default();
+        let (mut state, mut off) = (planned, Point::default());
         if let Some(place) = seen {
             let row = scene.present[place];
             let (now, velocity) = (scene.state(row), scene.observed_velocity(row));
@@ -299,7 +296,7 @@ impl Network {
         for j in 0..out.n_steps {
             let ahead = (j + 1) as f64 * self.dt;
             let t = age + ahead;
-            let PlanPoint { x, y, orientation, velocity } = interpolated(points, *spacing, t);
+            let State { x, y, orientation, velocity, .. } = interpolated(points, *spacing, t);
             has_stood &= velocity.abs() < STANDSTILL_SPEED;
             let left = (1.0 - ahead / FADING_TIME).max(0.0);
             let (along, across) = if has_stood {
@@ -319,6 +316,15 @@ impl Network {
             write(out, start + j, pose, velocity, covariance);
         }
     }
+}
+
+/// A bar across a path whose near edge is at an arc length [m].
+fn bar(path: &ReferencePath, s: f64) -> (State, Shape) {
+    let at = path.at(s + 0.5 * BAR_LENGTH);
+    let curve = (0..=BAR_STRETCH as usize).map(|k| path.at(s - k as f64).curvature.abs()).fold(0.0, f64::max);
+    let side = BAR_SIDE.min(BAR_CURVE / curve.max(1e-6));
+    let state = State { x: at.position.x, y: at.position.y, orientation: at.theta, ..State::default() };
+    (state, Shape::rectangle(BAR_LENGTH, 2.0 * side))
 }
 
 /// Drops what the agent's sensors would see where it was told to be, and what drives above or below it; the rows are

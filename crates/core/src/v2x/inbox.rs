@@ -6,18 +6,11 @@ use std::sync::Arc;
 
 use super::message::{Message, Object, Payload};
 
-/// Newest messages of a sender.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Heard {
-    pub(super) cam: Option<Arc<Message>>,
-    pub(super) mcm: Option<Arc<Message>>,
-}
-
 /// Messages that an agent has received.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Inbox {
-    /// By the sender's place among the equipped agents.
-    pub(super) heard: Vec<Heard>,
+    /// Newest state and newest plan, by the sender's place among the equipped agents.
+    pub(super) heard: Vec<[Option<Arc<Message>>; 2]>,
     /// Newest report by object, with its time step and sender; of equally new reports, the sender with the smaller id
     /// counts.
     pub(super) objects: BTreeMap<i64, (i64, usize, Object)>,
@@ -25,15 +18,15 @@ pub(super) struct Inbox {
 
 impl Inbox {
     pub(super) fn new(n: usize) -> Self {
-        Self { heard: vec![Heard::default(); n], objects: BTreeMap::new() }
+        Self { heard: vec![[None, None]; n], objects: BTreeMap::new() }
     }
 
     /// Keeps a message unless a newer one of the same kind is here.
     pub(super) fn file(&mut self, sender: usize, message: &Arc<Message>) {
-        let heard = &mut self.heard[sender];
+        let [cam, mcm] = &mut self.heard[sender];
         let kept = match &message.payload {
-            Payload::Cam(_) => &mut heard.cam,
-            Payload::Mcm { .. } => &mut heard.mcm,
+            Payload::Cam(_) => cam,
+            Payload::Mcm { .. } => mcm,
             Payload::Cpm(objects) => {
                 for object in objects {
                     let new = (message.time_step, sender, *object);
@@ -52,11 +45,9 @@ impl Inbox {
 
     /// Forgets what was sent before a time step.
     pub(super) fn forget(&mut self, before: i64) {
-        for heard in &mut self.heard {
-            for kept in [&mut heard.cam, &mut heard.mcm] {
-                if kept.as_ref().is_some_and(|message| message.time_step < before) {
-                    *kept = None;
-                }
+        for kept in self.heard.iter_mut().flatten() {
+            if kept.as_ref().is_some_and(|message| message.time_step < before) {
+                *kept = None;
             }
         }
         self.objects.retain(|_, (time_step, ..)| *time_step >= before);

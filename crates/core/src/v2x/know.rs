@@ -1,6 +1,7 @@
 //! What an agent knows about others, and how.
 
 use super::message::Status;
+use crate::conduct::STANDSTILL_SPEED;
 use crate::trajectory::State;
 
 /// How an agent knows of a participant; the discriminant is the code that crosses the Python boundary.
@@ -37,8 +38,6 @@ pub struct Known {
     pub seen: Option<usize>,
 }
 
-/// Below this speed [m/s] a participant stays where it was.
-const STANDING_SPEED: f64 = 0.3;
 /// Below this rate [rad/s] a participant goes straight on.
 const STRAIGHT_YAW_RATE: f64 = 1e-3;
 
@@ -46,7 +45,7 @@ const STRAIGHT_YAW_RATE: f64 = 1e-3;
 pub(super) fn moved(told: &Status, age: f64) -> State {
     let state = told.state;
     let (v, w) = (state.velocity, state.yaw_rate);
-    if v.abs() < STANDING_SPEED {
+    if v.abs() < STANDSTILL_SPEED {
         return State { acceleration: 0.0, yaw_rate: 0.0, ..state };
     }
     let (sin, cos) = state.orientation.sin_cos();

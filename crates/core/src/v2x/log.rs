@@ -2,6 +2,7 @@
 
 use super::message::Service;
 use crate::columns::table;
+use crate::geometry::Pose;
 
 /// How much of the messages is recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -41,6 +42,23 @@ table! {
         pub arrived: Option<i64>,
         /// Distance of the receiver [m]; NaN in the row of the message itself.
         pub distance: f64,
+    }
+}
+
+table! {
+    /// A stretch of time steps in which an agent holds for another.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct Agreement {
+        /// Id of the agent that holds.
+        pub holding as "holding_id": i64,
+        /// Id of the agent that goes; `None`: the way is blocked by what has no V2X.
+        pub going as "going_id": Option<i64>,
+        /// First time step.
+        pub first as "first_time_step": i64,
+        /// Last time step.
+        pub last as "last_time_step": i64,
+        /// Where it holds at the first time step.
+        pub bar: Pose,
     }
 }
 

@@ -3,11 +3,12 @@
 use std::f64::consts::PI;
 
 use crate::columns::coded;
+use crate::right_of_way::Memory;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
 /// Spacing of the way in a message [m].
-pub(super) const WAY_SPACING: f64 = 4.0;
+pub(crate) const WAY_SPACING: f64 = 4.0;
 
 /// What a message is for; the discriminant is its code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,7 +31,7 @@ impl Service {
 
 /// A participant and its motion, as stated in a message.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Status {
+pub(crate) struct Status {
     /// Kind.
     pub kind: ParticipantKind,
     /// Centre of the footprint and motion.
@@ -41,22 +42,9 @@ pub struct Status {
     pub width: f64,
 }
 
-/// A point of a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PlanPoint {
-    /// Centre of the footprint [m].
-    pub x: f64,
-    /// Centre of the footprint [m].
-    pub y: f64,
-    /// Heading [rad].
-    pub orientation: f64,
-    /// Speed [m/s].
-    pub velocity: f64,
-}
-
 /// A participant that the sender sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Object {
+pub(crate) struct Object {
     /// Its id.
     pub id: i64,
     /// What it is and how it moves.
@@ -65,20 +53,9 @@ pub struct Object {
     pub is_static: bool,
 }
 
-/// The road ahead that an agent needs together with others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Claim {
-    /// Its number.
-    pub n: i64,
-    /// Time step at which the agent expects to arrive.
-    pub arrival: i64,
-    /// The agent has stood although it yields to none, and leaves its right of way to others.
-    pub is_waived: bool,
-}
-
 /// What a message says besides its sender.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Payload {
+pub(crate) enum Payload {
     /// State.
     Cam(Status),
     /// State and plan: points `spacing` [s] apart, the first one at the time of sending.
@@ -89,20 +66,13 @@ pub enum Payload {
         is_emergency: bool,
         /// Time between points [s].
         spacing: f64,
-        /// The plan.
-        points: Vec<PlanPoint>,
+        /// The plan: positions, headings and speeds.
+        points: Vec<State>,
         /// The reference path from the sender's rear end on, one point every 4 m.
-        way: Vec<PlanPoint>,
-        /// What the sender claims.
-        claim: Option<Claim>,
-        /// Ids of the agents that it lets go first.
-        yields_to: Vec<i64>,
-        /// Ids of the agents before whose ways it can no longer stop.
-        passes: Vec<i64>,
-        /// The junction areas on the way and the sender's side of each, ascending, if it negotiates.
-        areas: Vec<(usize, usize)>,
-        /// The sender enters junctions by the order of the rules.
-        is_ordered: bool,
+        way: Vec<State>,
+        /// What the sender asks for: the passage before which it is or that it is in, since when, and whether it has been
+        /// granted; `None`: nothing.
+        request: Option<Memory>,
     },
     /// Objects.
     Cpm(Vec<Object>),
@@ -110,7 +80,7 @@ pub enum Payload {
 
 /// A message as it is sent and received.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Message {
+pub(crate) struct Message {
     /// Time step of sending.
     pub time_step: i64,
     /// Id of the sender.
@@ -123,12 +93,8 @@ pub struct Message {
 const CAM_BYTES: usize = 350;
 /// Bytes of an MCM without points, of a point of the plan and of one of the way.
 const MCM_BYTES: [usize; 3] = [150, 10, 8];
-/// Bytes of a claim: number (2), time of arrival (6, as TimestampIts).
-const CLAIM_BYTES: usize = 8;
-/// Bytes of an id (StationId).
-const ID_BYTES: usize = 4;
-/// Bytes of a junction area with a side of it: IntersectionReferenceId (4), number of the area, side.
-const AREA_BYTES: usize = 6;
+/// Bytes of a request: passage and flags (2), time of arrival (6, as TimestampIts).
+const REQUEST_BYTES: usize = 8;
 /// Bytes of a CPM without objects, and of an object.
 const CPM_BYTES: [usize; 2] = [121, 35];
 
@@ -143,15 +109,13 @@ impl Message {
     }
 
     /// Its size [B]. There is no standard for plans, so the sizes of an MCM are assumptions: 150 for head, state and
-    /// flags, 10 a point of the plan, 8 a point of the way, 8 the claim, 4 an id of an agent that it yields to or
-    /// passes, 6 an area.
+    /// flags, 10 a point of the plan, 8 a point of the way, 8 the request.
     pub fn bytes(&self) -> usize {
         match &self.payload {
             Payload::Cam(_) => CAM_BYTES,
-            Payload::Mcm { points, way, claim, yields_to, passes, areas, .. } => {
+            Payload::Mcm { points, way, request, .. } => {
                 let plan = MCM_BYTES[0] + MCM_BYTES[1] * points.len() + MCM_BYTES[2] * way.len();
-                let ids = yields_to.len() + passes.len();
-                plan + CLAIM_BYTES * usize::from(claim.is_some()) + ID_BYTES * ids + AREA_BYTES * areas.len()
+                plan + REQUEST_BYTES * usize::from(request.is_some())
             }
             Payload::Cpm(objects) => CPM_BYTES[0] + CPM_BYTES[1] * objects.len(),
         }
@@ -165,16 +129,12 @@ impl Message {
         }
     }
 
-    /// Cuts a plan that is too long, from the far end: the way, then the plan; then what is agreed with others, the ids
-    /// of agents that the sender passes last.
+    /// Cuts a plan that is too long, from the far end: the way, then the plan.
     pub(super) fn cut(&mut self, max_bytes: usize) {
         let mut over = self.bytes().saturating_sub(max_bytes);
-        if let Payload::Mcm { points, way, yields_to, passes, areas, .. } = &mut self.payload {
+        if let Payload::Mcm { points, way, .. } = &mut self.payload {
             shorten(way, MCM_BYTES[2], &mut over);
             shorten(points, MCM_BYTES[1], &mut over);
-            shorten(areas, AREA_BYTES, &mut over);
-            shorten(yields_to, ID_BYTES, &mut over);
-            shorten(passes, ID_BYTES, &mut over);
         }
     }
 }
@@ -222,14 +182,13 @@ impl Object {
     }
 }
 
-impl PlanPoint {
-    /// As it is sent.
-    pub(super) fn rounded(state: &State) -> Self {
-        Self {
-            x: rounded(state.x, 0.01),
-            y: rounded(state.y, 0.01),
-            orientation: rounded(state.orientation, PI / 1800.0),
-            velocity: rounded(state.velocity, 0.01),
-        }
+/// A point of a plan as it is sent: position, heading and speed.
+pub(super) fn plan_point(state: &State) -> State {
+    State {
+        x: rounded(state.x, 0.01),
+        y: rounded(state.y, 0.01),
+        orientation: rounded(state.orientation, PI / 1800.0),
+        velocity: rounded(state.velocity, 0.01),
+        ..State::default()
     }
 }

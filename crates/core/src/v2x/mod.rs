@@ -1,11 +1,12 @@
-//! Cooperation by messages: agents with V2X share states, plans, what they see and claims over an imperfect channel.
+//! Cooperation by messages: agents with V2X share states, plans, what they see and what they ask for over an imperfect
+//! channel.
 //!
 //! Best read in this order: `settings`, `draw` (numbers of the channel), `channel` (receivers and arrival), `message`,
 //! `trigger` (when something is sent), `inbox` (what arrived), `network` (all of it, state of the world), then `know`
-//! (what an agent knows), `expect` (what was received as predictions) and `claims` (negotiation).
+//! (what an agent knows) and `expect` (what was received as predictions). What follows for who goes first:
+//! `world/cooperation`.
 
 mod channel;
-mod claims;
 mod draw;
 mod expect;
 mod inbox;
@@ -19,13 +20,13 @@ mod tests;
 mod trigger;
 
 pub use channel::{reception, steps_to_arrival};
-pub use claims::{Agreement, Bar};
-pub(crate) use claims::{Crossing, Negotiator, Neighbour};
 pub use draw::{equipped, uniform};
 pub(crate) use expect::Observer;
 pub use expect::{Extra, SharedPredictions};
 pub use know::{Known, Via};
-pub use log::{Log, Logged, Row};
-pub use message::{Claim, Message, Object, Payload, PlanPoint, Service, Status};
+pub use log::{Agreement, Log, Logged, Row};
+pub use message::Service;
+pub(crate) use message::{Message, Object, Payload, WAY_SPACING};
 pub(crate) use network::{Network, Speaker};
 pub use settings::V2xSettings;
+pub(crate) use trigger::interpolated;

@@ -5,13 +5,13 @@ use std::sync::Arc;
 
 use super::V2xSettings;
 use super::channel::{Transmission, reception};
-use super::claims::{Agreement, Bar, Negotiator, Neighbour, Situation, Standpoint};
 use super::inbox::Inbox;
-use super::log::{Log, Logged, Row};
-use super::message::{Message, Object, Payload, PlanPoint, Status, WAY_SPACING, objects_max};
+use super::log::{Agreement, Log, Logged, Row};
+use super::message::{Message, Object, Payload, Status, WAY_SPACING, objects_max, plan_point};
 use super::trigger::Sent;
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
+use crate::right_of_way::Memory;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
@@ -27,6 +27,8 @@ pub(crate) struct Speaker<'a> {
     /// Its plan from now on.
     pub(crate) plan: &'a [State],
     pub(crate) is_emergency: bool,
+    /// What it asks for.
+    pub(crate) request: Option<Memory>,
     /// Its reference path, and the arc length of its rear end on it [m].
     pub(crate) path: &'a ReferencePath,
     pub(crate) rear_s: f64,
@@ -54,27 +56,16 @@ pub(crate) struct Network {
     pub(super) inboxes: Vec<Inbox>,
     /// What arrives in one step, in two, and so on.
     queue: VecDeque<Vec<Delivery>>,
-    /// Claims and bars, by place.
-    pub(super) standpoints: Vec<Standpoint>,
-    /// By area of a junction: the side that goes first by the rules of the road.
-    first: Vec<Option<usize>>,
     agreements: Vec<Agreement>,
     log: Log,
     /// Memory: bytes that each agent hears in a step; links of a message; points of a plan.
     heard: Vec<usize>,
     links: Vec<(i64, Option<i64>, f64)>,
-    points: Vec<PlanPoint>,
+    points: Vec<State>,
 }
 
 impl Network {
-    /// `first` is the side that goes first by the rules of the road, by area of a junction.
-    pub(crate) fn new(
-        settings: V2xSettings,
-        (seed, dt): (u64, f64),
-        ids: Vec<i64>,
-        first: Vec<Option<usize>>,
-        level: Logged,
-    ) -> Self {
+    pub(crate) fn new(settings: V2xSettings, (seed, dt): (u64, f64), ids: Vec<i64>, level: Logged) -> Self {
         let n = ids.len();
         Self {
             settings,
@@ -84,8 +75,6 @@ impl Network {
             sent: vec![Sent::default(); n],
             inboxes: vec![Inbox::new(n); n],
             queue: VecDeque::new(),
-            standpoints: vec![Standpoint::default(); n],
-            first,
             agreements: Vec::new(),
             log: Log { level, ..Log::default() },
             heard: vec![0; n],
@@ -107,20 +96,20 @@ impl Network {
         &self.agreements
     }
 
-    /// Renews claims and bars at a time step, from what has arrived. `around` gives the participants that an agent
-    /// knows of.
-    pub(crate) fn negotiate(&mut self, now: i64, agents: &[Negotiator<'_>], around: &dyn Fn(usize) -> Vec<Neighbour>) {
-        let Self { settings, dt, inboxes, standpoints, agreements, first, .. } = self;
-        let situation = Situation { now, dt: *dt, settings, first };
-        for (i, agent) in agents.iter().enumerate() {
-            let inbox = &inboxes[agent.place];
-            standpoints[agent.place].renew(agent, inbox, &situation, &|| around(i), agreements);
+    /// Notes that an agent holds for another at a time step; called in the order of time.
+    pub(crate) fn note_agreement(&mut self, new: Agreement) {
+        let is_same =
+            |old: &&mut Agreement| (old.holding, old.going) == (new.holding, new.going) && old.last == new.first - 1;
+        match self.agreements.iter_mut().rev().find(is_same) {
+            Some(old) => old.last = new.last,
+            None => self.agreements.push(new),
         }
     }
 
-    /// Where an agent holds, by its place.
-    pub(crate) fn bar(&self, place: usize) -> Option<&Bar> {
-        self.standpoints[place].bar.as_ref()
+    /// The newest messages with plans that an agent has received, with the places of their senders.
+    pub(crate) fn plans(&self, receiver: usize) -> impl Iterator<Item = (usize, &Message)> {
+        let heard = self.inboxes[receiver].heard.iter().enumerate().filter(move |(sender, _)| *sender != receiver);
+        heard.filter_map(|(sender, [_, plan])| Some((sender, &**plan.as_ref()?)))
     }
 
     /// Ids of the equipped agents, ascending.
@@ -165,33 +154,19 @@ impl Network {
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);
         let sent = &mut self.sent[speaker.place];
-        let Standpoint { claim, yields_to, passes, areas, is_ordered, .. } = &self.standpoints[speaker.place];
-        if !sent.is_claim_news(claim.as_ref(), passes)
-            && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt))
-        {
+        let request = speaker.request;
+        if !sent.is_request_news(request.as_ref()) && !sent.is_plan_due(now, points, (mcm_interval, spacing, self.dt)) {
             return None;
         }
-        sent.note_plan(now, points, spacing);
-        sent.note_claim(*claim, passes);
+        sent.note_plan(now, points, spacing, request);
         let n_way = (way_ahead / WAY_SPACING) as usize + 1;
         let way = (0..n_way).map(|i| {
             let at = speaker.path.at(speaker.rear_s + i as f64 * WAY_SPACING);
             let state = State { x: at.position.x, y: at.position.y, orientation: at.theta, ..State::default() };
-            PlanPoint::rounded(&state)
+            plan_point(&state)
         });
-        let (way, points) = (way.collect(), points.clone());
-        Some(Payload::Mcm {
-            status,
-            is_emergency: speaker.is_emergency,
-            spacing,
-            points,
-            way,
-            claim: *claim,
-            yields_to: yields_to.clone(),
-            passes: passes.clone(),
-            areas: areas.clone(),
-            is_ordered: *is_ordered,
-        })
+        let (way, points, is_emergency) = (way.collect(), points.clone(), speaker.is_emergency);
+        Some(Payload::Mcm { status, is_emergency, spacing, points, way, request })
     }
 
     fn broadcast(&mut self, now: i64, sender: usize, from: Point, payload: Payload, listeners: &[(usize, Point)]) {
@@ -262,7 +237,7 @@ impl Network {
 }
 
 /// The points of a plan every `spacing` [s], up to `horizon` or its end.
-fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut Vec<PlanPoint>) {
+fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut Vec<State>) {
     let duration = (plan.len().max(1) - 1) as f64 * dt;
     let n = (horizon.min(duration) / spacing + 1e-9) as usize + 1;
     points.clear();
@@ -273,7 +248,7 @@ fn sample(plan: &[State], dt: f64, (spacing, horizon): (f64, f64), points: &mut 
         let share = (place - at as f64).max(0.0);
         let between = |from: f64, to: f64| if share > 1e-9 { from + (to - from) * share } else { from };
         let turn = crate::geometry::wrap_angle(to.orientation - from.orientation);
-        PlanPoint::rounded(&State {
+        plan_point(&State {
             x: between(from.x, to.x),
             y: between(from.y, to.y),
             orientation: between(from.orientation, from.orientation + turn),

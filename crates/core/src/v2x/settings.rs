@@ -30,7 +30,7 @@ settings! {
         hold_margin: f64 ["m"] = 1.0, between(0.3, 5.0);
         /// Time between messages with the plan, unless the plan changes.
         mcm_interval: f64 ["s"] = 0.1, positive(10.0);
-        /// Largest message; plans, claims and object lists are truncated to fit.
+        /// Largest message; plans and object lists are truncated to fit.
         max_bytes: usize ["B"] = 1100, between(300.0, 65_535.0);
         /// Age above which messages are discarded.
         age_max: f64 ["s"] = 1.5, positive(60.0);

@@ -1,5 +1,7 @@
 use super::channel::Transmission;
+use super::message::Status;
 use super::*;
+use crate::right_of_way::Memory;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
@@ -88,22 +90,23 @@ fn an_object_is_reported_when_it_is_new_or_has_changed_or_after_a_second_and_the
     assert_eq!(ids(10, vec![at(1, 50.0), at(2, 10.0), at(3, 24.5)], 9), [2]);
 }
 
-#[test]
-fn a_plan_that_is_too_long_loses_its_way_first() {
+/// A plan of 16 points and a way of 21, with a request or without.
+fn plan(request: Option<Memory>) -> Message {
     let payload = Payload::Mcm {
         status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
         is_emergency: false,
         spacing: 0.2,
-        points: vec![PlanPoint::default(); 16],
-        way: vec![PlanPoint::default(); 21],
-        claim: None,
-        yields_to: vec![],
-        passes: vec![],
-        areas: vec![],
-        is_ordered: false,
+        points: vec![State::default(); 16],
+        way: vec![State::default(); 21],
+        request,
     };
+    Message { time_step: 0, sender: 1, payload }
+}
+
+#[test]
+fn a_plan_that_is_too_long_loses_its_way_first() {
     let cut = |max_bytes| {
-        let mut message = Message { time_step: 0, sender: 1, payload: payload.clone() };
+        let mut message = plan(None);
         message.cut(max_bytes);
         assert!(message.bytes() <= max_bytes);
         let Payload::Mcm { points, way, .. } = message.payload else { unreachable!() };
@@ -116,37 +119,23 @@ fn a_plan_that_is_too_long_loses_its_way_first() {
 }
 
 #[test]
-fn every_entry_of_a_message_counts_and_what_is_agreed_is_cut_last() {
-    let mcm = |n_yields: i64, n_passes: i64, n_areas| Message {
-        time_step: 0,
-        sender: 1,
-        payload: Payload::Mcm {
-            status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
-            is_emergency: false,
-            spacing: 0.2,
-            points: vec![PlanPoint::default(); 16],
-            way: vec![PlanPoint::default(); 21],
-            claim: (n_passes > 0).then_some(Claim { n: 1, arrival: 50, is_waived: false }),
-            yields_to: (0..n_yields).collect(),
-            passes: (0..n_passes).collect(),
-            areas: (0..n_areas).map(|area| (area, 0)).collect(),
-            is_ordered: false,
-        },
-    };
-    assert_eq!(mcm(0, 0, 0).bytes(), 478);
-    assert_eq!(mcm(2, 0, 0).bytes(), 478 + 2 * 4);
-    assert_eq!(mcm(0, 100, 0).bytes(), 478 + 8 + 100 * 4);
-    assert_eq!(mcm(0, 0, 3).bytes(), 478 + 3 * 6);
-    let left = |mut message: Message, max_bytes| {
-        message.cut(max_bytes);
-        assert!(message.bytes() <= max_bytes);
-        let Payload::Mcm { points, way, yields_to, passes, areas, .. } = message.payload else { unreachable!() };
-        (way.len(), points.len(), areas.len(), yields_to.len(), passes.len())
-    };
-    assert_eq!(left(mcm(0, 100, 0), 1100), (21, 16, 0, 0, 100));
-    assert_eq!(left(mcm(0, 200, 0), 1100), (0, 14, 0, 0, 200));
-    assert_eq!(left(mcm(0, 230, 0), 1100), (0, 2, 0, 0, 230));
-    assert_eq!(left(mcm(9, 300, 9), 1100), (0, 0, 0, 0, 235));
+fn a_request_counts_and_is_never_cut() {
+    let mut message = plan(Some(Memory::default()));
+    assert_eq!((plan(None).bytes(), message.bytes()), (478, 478 + 8));
+    message.cut(300);
+    let Payload::Mcm { points, way, request, .. } = message.payload else { unreachable!() };
+    assert_eq!((points.len(), way.len(), request), (14, 0, Some(Memory::default())));
+}
+
+#[test]
+fn a_request_is_news_when_it_is_another_one_or_is_granted_and_not_because_its_sender_stands() {
+    let mut sent = trigger::Sent::default();
+    let request = Memory { passage: 1, ticket: Some(7), ..Memory::default() };
+    assert!(sent.is_request_news(Some(&request)));
+    sent.note_plan(0, &[], 0.2, Some(request));
+    assert!(!sent.is_request_news(Some(&Memory { standing: 5, ..request })));
+    assert!(sent.is_request_news(Some(&Memory { granted: Some(true), ..request })));
+    assert!(sent.is_request_news(Some(&Memory { passage: 2, ..request })) && sent.is_request_news(None));
 }
 
 #[test]
@@ -156,7 +145,7 @@ fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
         let status = Status::rounded(ParticipantKind::Car, &State::default(), (4.5, 1.8));
         std::sync::Arc::new(Message { time_step, sender: 1, payload: Payload::Cam(status) })
     };
-    let newest = |inbox: &inbox::Inbox| inbox.heard[1].cam.as_ref().map(|message| message.time_step);
+    let newest = |inbox: &inbox::Inbox| inbox.heard[1][0].as_ref().map(|message| message.time_step);
     [3, 5, 4].into_iter().for_each(|time_step| inbox.file(1, &message(time_step)));
     assert_eq!(newest(&inbox), Some(5));
     inbox.forget(5);

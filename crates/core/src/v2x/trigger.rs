@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::message::{Claim, Object, PlanPoint};
+use super::message::Object;
 use crate::geometry::wrap_angle;
+use crate::right_of_way::Memory;
 use crate::trajectory::State;
 
 /// A state that differs by more from the last one sent is sent: heading [rad], position [m], speed [m/s].
@@ -36,10 +37,9 @@ pub(super) struct Sent {
     /// Interval until the next state without a change [s], and how often it was used.
     interval: f64,
     repeats: u32,
-    mcm: Option<(i64, f64, Vec<PlanPoint>)>,
+    mcm: Option<(i64, f64, Vec<State>)>,
     cpm: Option<i64>,
-    claim: Option<Claim>,
-    passes: Vec<i64>,
+    request: Option<Memory>,
     objects: BTreeMap<i64, (i64, State)>,
 }
 
@@ -69,7 +69,7 @@ impl Sent {
     }
 
     /// A plan with these points is to be sent.
-    pub(super) fn is_plan_due(&self, now: i64, points: &[PlanPoint], (interval, spacing, dt): (f64, f64, f64)) -> bool {
+    pub(super) fn is_plan_due(&self, now: i64, points: &[State], (interval, spacing, dt): (f64, f64, f64)) -> bool {
         let Some((then, _, sent)) = &self.mcm else { return true };
         if is_due(now, *then, interval, dt) {
             return true;
@@ -85,20 +85,15 @@ impl Sent {
         })
     }
 
-    /// The claim, or the agents before whose ways the sender can no longer stop, differ from what was sent.
-    pub(super) fn is_claim_news(&self, claim: Option<&Claim>, passes: &[i64]) -> bool {
-        self.claim.as_ref() != claim || self.passes != passes
+    /// What the sender asks for differs from what was sent.
+    pub(super) fn is_request_news(&self, request: Option<&Memory>) -> bool {
+        let told = |memory: &Memory| (memory.passage, memory.ticket, memory.granted, memory.has_entered);
+        self.request.as_ref().map(told) != request.map(told)
     }
 
-    /// Notes that a claim is sent.
-    pub(super) fn note_claim(&mut self, claim: Option<Claim>, passes: &[i64]) {
-        self.claim = claim;
-        self.passes.clear();
-        self.passes.extend_from_slice(passes);
-    }
-
-    /// Notes that a plan is sent.
-    pub(super) fn note_plan(&mut self, now: i64, points: &[PlanPoint], spacing: f64) {
+    /// Notes that a plan is sent, and a request.
+    pub(super) fn note_plan(&mut self, now: i64, points: &[State], spacing: f64, request: Option<Memory>) {
+        self.request = request;
         let (time_step, old_spacing, kept) = self.mcm.get_or_insert_default();
         (*time_step, *old_spacing) = (now, spacing);
         kept.clear();
@@ -141,7 +136,7 @@ impl Sent {
 }
 
 /// A plan at a time after its first point [s]; behind its end straight on at its last speed.
-pub(super) fn interpolated(points: &[PlanPoint], spacing: f64, time: f64) -> PlanPoint {
+pub(crate) fn interpolated(points: &[State], spacing: f64, time: f64) -> State {
     let last = points.len() - 1;
     let place = (time / spacing).max(0.0);
     let i = (place as usize).min(last);
@@ -149,13 +144,14 @@ pub(super) fn interpolated(points: &[PlanPoint], spacing: f64, time: f64) -> Pla
     if i == last {
         let way = from.velocity * (time - last as f64 * spacing);
         let (sin, cos) = from.orientation.sin_cos();
-        return PlanPoint { x: from.x + way * cos, y: from.y + way * sin, ..from };
+        return State { x: from.x + way * cos, y: from.y + way * sin, ..from };
     }
     let (to, share) = (points[i + 1], place - i as f64);
-    PlanPoint {
+    State {
         x: from.x + (to.x - from.x) * share,
         y: from.y + (to.y - from.y) * share,
         orientation: from.orientation + wrap_angle(to.orientation - from.orientation) * share,
         velocity: from.velocity + (to.velocity - from.velocity) * share,
+        ..State::default()
     }
 }

@@ -48,7 +48,7 @@ impl World {
         let orders = self.orders.take().unwrap_or_default();
         self.remember_crosswalks();
         self.adopt(plans);
-        self.send_messages(plans);
+        self.send_messages(plans, &orders);
         let mut memory = std::mem::take(&mut self.step_memory);
         self.write_next_states(&mut memory.next);
         mark();
@@ -65,6 +65,10 @@ impl World {
         if self.settings.keep_recording {
             for (order, barrier) in orders.iter().filter_map(|order| Some((order, order.barrier?))) {
                 let (first, last) = (self.time_step - 1, self.time_step - 1);
+                let drive = &self.drives[self.drive_index(order.id)?];
+                if !drive.obeys() {
+                    continue;
+                }
                 let (agent, kind, Barrier { by, s: stop, .. }) = (order.id, order.kind as u8, barrier);
                 self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
             }

@@ -20,7 +20,7 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::barrier::Barriers;
+use crate::barrier::{Barrier, Barriers};
 use crate::collision::ContactMemory;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
@@ -35,7 +35,7 @@ use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
-use crate::v2x::{Crossing, Network};
+use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use settings::{StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
@@ -109,7 +109,7 @@ struct Drive {
     prepared: Arc<Prepared>,
     /// What the rules of the road say about its reference path.
     way: Arc<Way>,
-    /// The areas that it shares with others on its way.
+    /// The conflict zones on its way; empty if it neither obeys orders nor agrees with others.
     course: Arc<Course>,
     /// What it remembers of the next ones.
     memory: Memory,
@@ -121,8 +121,6 @@ struct Drive {
     row: usize,
     /// Place among the agents with V2X.
     place: Option<usize>,
-    /// The junction areas on its path, if it negotiates.
-    crossings: Vec<Crossing>,
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
@@ -207,7 +205,7 @@ pub struct World {
     /// Some agent has a crosswalk on its way that it obeys.
     has_crosswalks: bool,
     /// Who waits before crosswalks at the present time step, once that was needed.
-    waits: OnceLock<Vec<people::CrosswalkWait>>,
+    waits: OnceLock<Vec<(i64, usize, Barrier)>>,
     /// State now, per participant; `None` if absent.
     states: Vec<Option<State>>,
     /// Pairs that touched when one of them entered: contact counts once they have separated.

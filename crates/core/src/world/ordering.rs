@@ -1,7 +1,7 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
 use super::{Drive, World};
-use crate::barrier::Barrier;
+use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::control::Turn;
 use crate::geometry::Pose;
@@ -55,7 +55,7 @@ impl World {
 
     /// Ids of the agents that enter junctions when they are told to.
     pub fn obeying(&self) -> Vec<i64> {
-        let drives = self.drives.iter().filter(|drive| !drive.course.pieces.is_empty());
+        let drives = self.drives.iter().filter(|drive| drive.obeys());
         drives.map(|drive| drive.agent.id).collect()
     }
 
@@ -86,7 +86,7 @@ impl World {
 
     /// Predictions in which agents take the ways that they show and keep to their lanes there, and those that were told to
     /// wait before a junction do so; `None` if no agent does either. Blinkers and right of way are public: nobody needs
-    /// the plan of another one to go by them.
+    /// the plan of another one to go by them. Agreements are known to those who hear of them.
     pub(super) fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
@@ -104,7 +104,8 @@ impl World {
                 narrow_in_bends(found.get_or_insert_with(|| predictions.clone()), row, dt);
             }
         }
-        for (order, barrier) in self.orders().iter().filter_map(|order| Some((order, order.barrier?))) {
+        let told = self.orders().iter().filter_map(|order| Some((order, order.barrier?)));
+        for (order, barrier) in told.filter(|(_, barrier)| barrier.reason != BarrierReason::Agreement) {
             let drive = &self.drives[self.drive_index(order.id).expect("orders are for agents")];
             let (Some(row), Some(state)) = (predictions.row(order.id), &self.states[drive.row]) else { continue };
             let entry_line = drive.agent.route.path.at(barrier.s);
@@ -124,14 +125,14 @@ impl World {
             let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity);
             drive.course.is_near(drive.front(), velocity, drive.agent.vehicle.length)
         };
-        if !driving().any(is_near) {
+        if !self.agrees() && !driving().any(is_near) {
             return Vec::new();
         }
         let scene = self.scene_with_past(PAST);
         let is_vehicle = |row: &&usize| self.participants.kind[**row].is_on_the_road();
         let rows: Vec<usize> = scene.present.iter().filter(is_vehicle).copied().collect();
         let mut obeying: Vec<Option<&Drive>> = vec![None; rows.len()];
-        for drive in driving().filter(|drive| !drive.course.pieces.is_empty()) {
+        for drive in driving().filter(|drive| drive.obeys()) {
             if let Ok(place) = rows.binary_search(&drive.row) {
                 obeying[place] = Some(drive);
             }
@@ -181,6 +182,7 @@ impl World {
                     memory: drive.memory,
                     line: self.line(drive),
                     crosswalk: self.crosswalk_ahead(drive).map_or(f64::INFINITY, |barrier| barrier.s),
+                    asks_by_message: false,
                     turns_on_red: goes_last[place],
                     sight: drive.agent.view.sensor_radius,
                     unseen: &unseen[place],
@@ -189,7 +191,9 @@ impl World {
             .collect();
         let (time_step, dt) = (self.time_step, self.scenario.dt);
         let traffic = Traffic { time_step, dt, bodies: &bodies, travellers: &travellers, visits: &visits };
-        traffic.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok())
+        let mut orders = traffic.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok());
+        self.agree(&traffic, &rows, &scene, &mut orders);
+        orders
     }
 
     /// Arc length of the stop line that holds an agent [m].
@@ -270,7 +274,7 @@ impl World {
             let order = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok();
             let Some(state) = self.states[drive.row] else { continue };
             let kept = order.map_or_else(Memory::default, |place| orders[place].memory);
-            if self.settings.keep_recording && kept.has_entered {
+            if self.settings.keep_recording && kept.has_entered && drive.obeys() {
                 self.recording.push_entries(drive.entries(&kept, self.time_step));
             }
             let standing = if state.velocity.abs() < STANDSTILL_SPEED { drive.memory.standing + 1 } else { 0 };
@@ -280,6 +284,11 @@ impl World {
 }
 
 impl Drive {
+    /// It enters junctions when it is told to.
+    pub(super) fn obeys(&self) -> bool {
+        obeys(&self.agent.planner, &self.agent.rules)
+    }
+
     /// Its lanelets are those of its route.
     fn keeps_to_its_path(&self) -> bool {
         !matches!(self.agent.planner, Planner::IdmMobil(_))
@@ -289,8 +298,10 @@ impl Drive {
     fn entries<'a>(&'a self, now: &Memory, time_step: i64) -> impl Iterator<Item = Entry> + use<'a> {
         let before = self.memory;
         let first = self.course.first_passage(self.front() - self.agent.vehicle.length);
-        let first = first.max(before.passage + usize::from(before.has_entered));
-        let new = self.course.passages.iter().enumerate().take(now.passage + 1).skip(first);
+        // Those that are not of the map have numbers beyond.
+        let known = if before.passage < self.course.passages.len() { before.passage } else { 0 };
+        let first = first.max(known + usize::from(before.has_entered));
+        let new = self.course.passages.iter().enumerate().take(now.passage.saturating_add(1)).skip(first);
         new.flat_map(move |(number, passage)| {
             let granted = number != before.passage || before.granted != Some(false);
             let areas = passage.zones.iter().map(|zone| zone.area as i64);

@@ -17,17 +17,6 @@ const PAST: usize = 3;
 /// Who began to stop goes on with it, up to this deceleration [m/s²]: brakes need a moment.
 const STOPPING: f64 = 4.0;
 
-/// An agent that has to wait before a crosswalk.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct CrosswalkWait {
-    /// The agent.
-    id: i64,
-    /// Position of the crosswalk on its way.
-    crosswalk: usize,
-    /// For this participant.
-    by: i64,
-}
-
 impl World {
     /// The crosswalk before which an agent has to wait.
     pub(super) fn crosswalk_ahead(&self, drive: &Drive) -> Option<Barrier> {
@@ -37,13 +26,13 @@ impl World {
     #[cold]
     fn wait_for_people(&self, drive: &Drive) -> Option<Barrier> {
         let waits = self.waits();
-        let wait = &waits[waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok()?];
-        let s = drive.way.crosswalks()[wait.crosswalk].entry;
-        Some(Barrier { by: Some(wait.by), ..Barrier::lasting(s, BarrierReason::Crosswalk) })
+        let place = waits.binary_search_by_key(&drive.agent.id, |(id, ..)| *id).ok()?;
+        Some(waits[place].2)
     }
 
-    /// People who wait now, by ids; a pure function of the present state.
-    fn waits(&self) -> &[CrosswalkWait] {
+    /// Agents that have to wait now, by ids, with the position of the crosswalk on their way; a pure function of the present
+    /// state.
+    fn waits(&self) -> &[(i64, usize, Barrier)] {
         self.waits.get_or_init(|| self.look_for_people())
     }
 
@@ -59,18 +48,17 @@ impl World {
         self.waits();
         let waits = self.waits.take().unwrap_or_default();
         for drive in &mut self.drives {
-            let wait = waits.binary_search_by_key(&drive.agent.id, |wait| wait.id).ok().map(|place| waits[place]);
-            drive.crosswalk = wait.map(|wait| wait.crosswalk);
-            if let Some(CrosswalkWait { id: agent, crosswalk, by }) = wait.filter(|_| self.settings.keep_recording) {
-                let (first, last, by) = (self.time_step, self.time_step, Some(by));
-                let (kind, stop) = (OrderKind::Crosswalk as u8, drive.way.crosswalks()[crosswalk].entry);
+            let wait = waits.binary_search_by_key(&drive.agent.id, |(id, ..)| *id).ok().map(|place| waits[place]);
+            drive.crosswalk = wait.map(|(_, crosswalk, _)| crosswalk);
+            if let Some((agent, _, Barrier { s: stop, by, .. })) = wait.filter(|_| self.settings.keep_recording) {
+                let (first, last, kind) = (self.time_step, self.time_step, OrderKind::Crosswalk as u8);
                 self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
             }
         }
     }
 
     #[cold]
-    fn look_for_people(&self) -> Vec<CrosswalkWait> {
+    fn look_for_people(&self) -> Vec<(i64, usize, Barrier)> {
         let is_near = |drive: &&Drive| {
             let planner = &drive.agent.planner;
             let obeys = planner.heeds_barriers() || *planner == Planner::External;
@@ -107,23 +95,24 @@ impl World {
         all.filter(move |(_, crosswalk)| crosswalk.entry > front && crosswalk.entry <= end)
     }
 
-    /// The first crosswalk ahead that a person in sight claims, unless stopping before it takes too much.
+    /// The first crosswalk ahead that a person in sight uses, unless stopping before it takes too much.
     fn wait(
         &self,
         drive: &Drive,
         scene: &Scene,
         people: &[Option<Person>],
         visible: &[usize],
-    ) -> Option<CrosswalkWait> {
+    ) -> Option<(i64, usize, Barrier)> {
         let (velocity, front) = (self.speed(drive), drive.front());
         let mut found = self.crosswalks_near(drive).filter_map(|(place, crosswalk)| {
             let deceleration = if drive.crosswalk == Some(place) { STOPPING } else { COMFORTABLE_DECELERATION };
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
             }
-            let claims = |place: &&usize| people[**place].is_some_and(|person| crosswalk.is_claimed(&person));
-            let by = visible.iter().find(claims)?;
-            Some(CrosswalkWait { id: drive.agent.id, crosswalk: place, by: self.participants.ids[scene.present[*by]] })
+            let uses = |place: &&usize| people[**place].is_some_and(|person| crosswalk.is_used_by(&person));
+            let by = Some(self.participants.ids[scene.present[*visible.iter().find(uses)?]]);
+            let barrier = Barrier { by, ..Barrier::lasting(crosswalk.entry, BarrierReason::Crosswalk) };
+            Some((drive.agent.id, place, barrier))
         });
         found.next()
     }

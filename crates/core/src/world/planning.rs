@@ -146,7 +146,7 @@ impl World {
     /// The rules of the road for an agent now.
     pub(super) fn rules<'a>(&'a self, drive: &'a Drive) -> Rules<'a> {
         let mut told = Barriers::NONE;
-        told.extend([self.crosswalk_ahead(drive), self.ordered(drive), self.agreed(drive)].into_iter().flatten());
+        told.extend([self.crosswalk_ahead(drive), self.ordered(drive)].into_iter().flatten());
         Rules { told, ..self.lines(drive) }
     }
 

@@ -123,7 +123,6 @@ impl World {
             crosswalk: None,
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
             place: None,
-            crossings: Vec::new(),
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,
             plan: None,
@@ -147,12 +146,13 @@ impl World {
         (self.first_time_step, self.time_step) = (first_time_step, first_time_step);
         self.recording_end = recording_end(scenario);
         self.entered_in_contact.clear();
-        self.has_passages = agents.iter().any(|staged| !staged.course.passages.is_empty());
         self.orders = OnceLock::new();
         self.has_crosswalks = has_people && agents.iter().any(|staged| !staged.way.crosswalks().is_empty());
         self.waits = OnceLock::new();
         self.network = None;
         self.equip();
+        let has_passages = |drive: &Drive| !drive.course.passages.is_empty();
+        self.has_passages = self.agrees() || self.drives.iter().any(has_passages);
         self.enter(first_time_step);
         self.look_at_lights();
         self.recording.push(&self.states);

@@ -135,12 +135,7 @@ def runtime_study(
         steps=arrow_table(STEP_COLUMNS, columns),
         threads=several,
         machine=where,
-        settings={
-            "steps": steps,
-            "repetitions": repetitions,
-            "planner": str(planner),
-            **changed_settings(own),
-        },
+        settings={"steps": steps, "repetitions": repetitions, "planner": str(planner), **changed_settings(own)},
         notes=notes,
         inputs={scenario.name: scenario.sha256 for _, scenario, _ in jobs},
     )
