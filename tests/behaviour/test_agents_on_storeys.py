@@ -24,7 +24,7 @@ def crossing_roads(height, *problems):
     return world(road((line(EAST), 0.0), (line(NORTH), height)), problems=problems)
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 @pytest.mark.parametrize("settings", [{}, {"v2x.penetration": 1.0, "v2x.negotiate": True}], ids=["sensors", "v2x"])
 def test_agents_one_above_the_other_drive_as_if_alone(planner, settings):
     def run(height, *problems):

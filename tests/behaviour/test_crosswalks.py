@@ -17,7 +17,7 @@ from interdrive.testing.worlds import Car, crossing, problem, straight_road, wor
 
 HALF = 2.25
 EDGE = 98.0
-PLANNERS = ["frenet", "idm", "idm_mobil"]
+PLANNERS = ["rollout", "frenet", "idm", "idm_mobil"]
 
 
 def crosswalk_road():

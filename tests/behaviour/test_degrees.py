@@ -358,7 +358,7 @@ def test_the_number_of_threads_changes_nothing(scenarios_folder, kind):
     assert len(digests) == 1
 
 
-@pytest.mark.parametrize("kind", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("kind", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_agents_that_do_not_replay_a_recording_do_not_know_it(kind):
     """The recorded future of the agent itself and of others is changed: until then nothing is different."""
 

@@ -10,7 +10,7 @@ from interdrive import Simulation, simulate
 from interdrive.scenario import Shape
 from interdrive.testing import Car, bend, problem, straight_road, world
 
-PLANNERS = ["frenet", "idm", "idm_mobil", "velocity_adjusting"]
+PLANNERS = ["rollout", "frenet", "idm", "idm_mobil", "velocity_adjusting"]
 
 
 def stating(scenario, row=0, **values):

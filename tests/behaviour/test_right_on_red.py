@@ -57,7 +57,7 @@ def broken(run):
     return [rule for rule, source in zip(run.violations.rule, run.violations.source, strict=True) if source == "agent"]
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_in_america_an_agent_turns_right_on_red_after_it_has_stood_before_the_line(tmp_path, planner):
     run = idr.simulate(junction(tmp_path), planner=planner, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
@@ -82,7 +82,7 @@ def test_elsewhere_it_takes_a_sign_and_a_red_arrow_forbids_it(tmp_path, world, s
     assert broken(run) == []
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_who_turns_on_red_waits_for_all_others_even_on_a_road_with_priority(tmp_path, planner):
     # Agent 2 is some metres before the merge when agent 1 has stood for a second.
     scenario = junction(tmp_path, refs='<trafficSignRef ref="9"/>', content=cr.sign(9, "306"), other=75.0)

@@ -42,7 +42,7 @@ def broken(run):
     return [rule for rule, source in zip(run.violations.rule, run.violations.source, strict=True) if source == "agent"]
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_a_red_light_holds_and_a_green_one_lets_go(tmp_path, planner):
     run = idr.simulate(road(tmp_path, phases=(("red", 120), ("green", 5000))), planner=planner, threads=1)
     x = front(run)
@@ -68,7 +68,7 @@ def test_an_agent_whose_time_is_over_at_a_red_light_says_so(tmp_path, agents_see
     assert (" at a red light (stop line of lanelet 1)" in run.outcomes.reason[0]) == agents_see_lights
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_an_agent_stands_before_a_light_that_stays_red(tmp_path, planner):
     run = idr.simulate(road(tmp_path, goal=(0, 200)), planner=planner, threads=1)
     assert 99.0 < front(run).max() < 100.0, "m"
@@ -116,7 +116,7 @@ def test_at_a_stop_sign_the_agent_stands_for_a_second_and_goes_on(tmp_path):
     assert broken(free) == ["stop_sign"]
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_the_speed_limit_is_kept_even_if_the_goal_would_need_more(tmp_path, planner):
     # 85 m in 6 s would need 14 m/s.
     run = idr.simulate(road(tmp_path, phases=(), limit=10.0, goal=(0, 60)), planner=planner, threads=1)
@@ -233,7 +233,7 @@ def test_a_drive_past_a_stop_sign_is_one_row_with_the_least_speed(tmp_path):
     assert rows(run) == [("agent", "stop_sign", pytest.approx(7.0, abs=0.1))], "m/s"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_a_lawful_drive_past_a_light_a_stop_sign_and_a_limit_has_no_row(tmp_path, planner):
     sign = {"more": '<trafficSignRef ref="8"/>', "content": cr.sign(8, "206")}
     scenario = road(tmp_path, phases=(("red", 80), ("green", 5000)), limit=8.0, speed=8.0, goal=(0, 300), **sign)
@@ -263,7 +263,7 @@ def test_driving_against_the_lane_for_a_second_is_a_violation(tmp_path):
     assert rows(run) == [("replayed", "wrong_way", pytest.approx(12.5, abs=0.1))], "metres"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_at_the_shipped_junction_with_lights_none_pass_on_red_and_all_arrive(planner):
     run = idr.simulate("signals", planner=planner)
     assert broken(run) == []

@@ -48,7 +48,7 @@ def motion(run):
     return run.states.x[row, valid] + HALF, run.states.velocity[row, valid]
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_at_a_blind_corner_an_agent_creeps_to_the_mouth_and_then_goes(planner):
     run = drive(corner(3.0), planner)
     front, speed = motion(run)
@@ -59,7 +59,7 @@ def test_at_a_blind_corner_an_agent_creeps_to_the_mouth_and_then_goes(planner):
     assert speed[(front > -4.0) & (front < PEEKING)].max() < 3.5, "it comes slowly"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_the_farther_away_the_building_the_faster_it_passes(planner):
     least = [motion(drive(corner(away), planner))[1].min() for away in (3.0, 4.0, 6.0)]
     assert least[0] < least[1] < least[2]

@@ -56,7 +56,7 @@ def test_where_a_map_states_no_heights_ways_meet(tmp_path):
     assert driven(tmp_path, flat).outcomes.outcome == ("collision",)
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "idm_mobil"])
 def test_nobody_waits_for_what_crosses_above(tmp_path, planner):
     def speeds(traffic):
         run = driven(tmp_path, road(2, lambda s: 7.0, upward=True), planner, traffic)

@@ -50,7 +50,7 @@ def test_agents_drive_on_where_a_lanelet_begins_before_the_end_of_the_one_before
     lanelets = lane(1, 0, 100 + overlap, more=refers("successor", 2)) + lane(2, 100, 250)
     scenario = read(cr.document(towards(200.0), lanelets=lanelets))
     assert f"lanelet 2 begins {said} before the end of 1" in map_notes(scenario)
-    for planner in ("frenet", "idm", "idm_mobil"):
+    for planner in ("rollout", "frenet", "idm", "idm_mobil"):
         assert idr.simulate(scenario, agents=[60], planner=planner).outcomes.outcome[0] == "goal_reached", planner
 
 

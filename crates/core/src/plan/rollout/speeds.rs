@@ -15,14 +15,14 @@ const LAG: f64 = 0.7;
 const BRAKING_SHARE: f64 = 1.3;
 /// A vehicle that is faster than it wishes by this and the comfortable deceleration in a second brakes harder [m/s].
 const EXCESS: f64 = 1.0;
-/// The jerk may grow by this multiple of itself for each m/s² beyond the comfortable deceleration that is needed, ...
-const URGENCY: f64 = 2.0;
-/// ... and for braking harder than this it is not limited [m/s²].
-const NEEDED_BRAKING: f64 = 4.0;
+/// The jerk of braking that is harder than this is not limited [m/s²]: barriers are told as long as 3 m/s² suffice.
+const NEEDED_BRAKING: f64 = 2.5;
+/// Who is much too fast brakes towards the desired speed with at most this [m/s²].
+const SLOWING: f64 = 4.0;
 /// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
 const NEEDED_SHARE: f64 = 0.6;
 /// Curves and limits are looked at so far ahead [s].
-const PREVIEW: f64 = 0.5;
+const PREVIEW: f64 = 0.65;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
@@ -32,6 +32,8 @@ const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
 /// An agent aims this far inside the goal's interval of speeds, as it reaches its desired speed late [m/s].
 const SPEED_RESERVE: f64 = 0.7;
+/// More than any rounding of a speed [m/s].
+const ROUNDING: f64 = 1e-9;
 /// Walking pace [m/s].
 const WALKING_SPEED: f64 = 1.5;
 /// How far ahead curves and limits count [m], and for how long [s].
@@ -139,21 +141,28 @@ impl Speeds {
     ) -> Option<Self> {
         let (comfort, vehicle) = (task.comfort, task.request.vehicle);
         match pace {
-            Pace::Stopping => return Some(integrate(task, |_, _, _| -comfort.deceleration)),
-            Pace::Braking => return Some(integrate(task, |_, _, _| -2.0 * comfort.deceleration)),
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
-            Pace::Yielding | Pace::Share(_) | Pace::Walking => conflicts.yield_to_all(ego),
+            Pace::Yielding | Pace::Share(_) | Pace::Walking | Pace::Stopping | Pace::Braking => {
+                conflicts.yield_to_all(ego);
+            }
         }
         let most = if pace == Pace::Walking { WALKING_SPEED } else { f64::INFINITY };
         let share = if let Pace::Share(share) = pace { share } else { 1.0 };
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {
-            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
+            let free = match pace {
+                Pace::Stopping => -comfort.deceleration,
+                Pace::Braking => -2.0 * comfort.deceleration,
+                _ => {
+                    let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
+                    towards(cap, velocity, comfort)
+                }
+            };
             let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
-            towards(cap, velocity, comfort).min(allowed)
+            free.min(allowed)
         });
         let last = found.velocity[task.n_points - 1];
         (counts_crossing || conflicts.is_clear(ego, found.s, last, comfort.deceleration)).then_some(found)
@@ -190,7 +199,7 @@ impl Speeds {
 
 fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
     // Who is much too fast brakes harder.
-    let hardest = comfort.deceleration.max(velocity - wish - EXCESS).min(NEEDED_BRAKING);
+    let hardest = comfort.deceleration.max(velocity - wish - EXCESS).min(SLOWING);
     ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * hardest, comfort.acceleration)
 }
 
@@ -204,7 +213,7 @@ fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &
     let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
     let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - OPENING);
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
-    if needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
+    if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
 
 /// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
@@ -224,8 +233,7 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
         let wanted = law(point, s, velocity);
-        let urgency = 1.0 + URGENCY * (-wanted - comfort.deceleration).max(0.0);
-        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - urgency * comfort.jerk * dt };
+        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
         let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
         let wanted = wanted.clamp(lowest, highest.max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
@@ -233,7 +241,10 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
         velocities.push(velocity);
         accelerations.push(acceleration);
         s += (velocity + 0.5 * acceleration * dt) * dt;
-        velocity = (velocity + acceleration * dt).max(0.0);
+        velocity = velocity + acceleration * dt;
+        if velocity < ROUNDING {
+            velocity = 0.0;
+        }
         before = acceleration;
     }
     Speeds { velocity: velocities, acceleration: accelerations, s }
