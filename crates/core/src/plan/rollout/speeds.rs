@@ -241,7 +241,7 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
         velocities.push(velocity);
         accelerations.push(acceleration);
         s += (velocity + 0.5 * acceleration * dt) * dt;
-        velocity = velocity + acceleration * dt;
+        velocity += acceleration * dt;
         if velocity < ROUNDING {
             velocity = 0.0;
         }
