@@ -102,7 +102,8 @@ def main() -> int:
     if page:
         arguments.page.write_text(tables.put_into(page, text), encoding="utf-8")
     if old is not None:
-        print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, drives)}")
+        # Both sides with the digits of the file, or the same drives would differ.
+        print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, tables.read_csv(arguments.csv))}")
     print(f"\n## Failures\n\n{tables.failures(drives)}")
     refused = [f"{one.path.parent.name}/{one.path.name}: {one.refused}" for one in driven if one.refused]
     print(f"\n{len(files)} scenarios, refused: {len(refused)}", *refused, sep="\n- ")

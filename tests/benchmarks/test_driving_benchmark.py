@@ -42,6 +42,9 @@ def test_every_agent_has_a_row_and_a_second_run_differs_in_none(tmp_path):
     assert len(rows) > 1
     assert all(row["category"] == "junction" for row in rows)
     assert second.stdout.split("cause now |")[1].split("## Failures")[0].strip() == "|---|--:|---|---|---|---|"
+    measured = second.stdout.split("| measure |")[1].split("| events")[0].splitlines()[2:]
+    assert measured
+    assert all(line.endswith("| 0 | 0 |") for line in measured)
 
 
 def test_the_agents_that_lose_most_are_drawn_one_per_queue(part, tmp_path):

@@ -70,7 +70,7 @@ FULL, READ_ONLY = "cannot be written: No space left on device", "cannot be writt
         (8, ("plot", "small/run", "--kind", "trajectories", "--out", "small/t.svg"), "small/t.svg"),
         (8, ("plot", "small/run", "--kind", "criticality", "--out", "small/c.png"), "small/c.png"),
         (8, ("predict-eval", *EVALUATION, "--out", "small/new"), "small/new"),
-        (100, ("predict-eval", *EVALUATION, "--out", "small/new"), "small/new/"),
+        (44, ("predict-eval", *EVALUATION, "--out", "small/new"), "small/new"),
         (100, ("study", *CASE, "--out", "small/new"), "small/new/"),
     ],
 )

@@ -130,14 +130,13 @@ impl Traffic<'_> {
         orders
     }
 
-    /// The order of one traveller, as it follows from its own ledger; `knows` says of which bodies it knows.
-    pub fn order_of(&self, viewer: usize, knows: &dyn Fn(usize) -> bool) -> Option<Order> {
+    /// The order of one traveller that knows of all this traffic.
+    pub fn order_of(&self, viewer: usize) -> Option<Order> {
         let members = self.clusters().into_iter().find(|members| members.contains(&viewer))?;
         let mut is_wanted: Vec<bool> = self.travellers.iter().map(|traveller| self.is_stuck(traveller)).collect();
         members.iter().for_each(|member| is_wanted[*member] = true);
         let queues = self.queues(&is_wanted);
-        let mut known = self.concerned(&members, &queues);
-        known.retain(|body| knows(*body));
+        let known = self.concerned(&members, &queues);
         let mut orders: Vec<Order> =
             Ledger::new(self, &known, &queues).decide(&members).into_iter().flatten().collect();
         self.break_circles(&mut orders, &queues);

@@ -17,8 +17,8 @@ mod ways;
 mod windows;
 mod zones;
 
-pub(crate) use traffic::{Body, Place, Reservation, Traffic, Traveller, Yielding};
+pub(crate) use traffic::{Body, Reservation, Traffic, Traveller, Yielding};
 pub use traffic::{Memory, Order, OrderKind};
 pub(crate) use ways::{crossing, strip};
-pub(crate) use zones::{Course, MARGIN, SPEED_MAX, Zone, reach};
+pub(crate) use zones::{Course, MARGIN, Place, SPEED_MAX, Zone, reach};
 pub use zones::{DESIGN_WIDTH, REACH, REACH_TIME, meeting_width};

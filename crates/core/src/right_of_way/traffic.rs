@@ -1,6 +1,6 @@
 //! The traffic at one time step, from which ledgers are made, and what agents are told.
 
-use super::zones::{Course, Zone};
+use super::zones::{Course, Place, Zone};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::rules::RulesSettings;
 
@@ -107,17 +107,6 @@ pub(crate) struct Traveller<'a> {
     pub sight: f64,
     /// Areas into which a vehicle may come that it does not see, and the earliest time [s].
     pub unseen: &'a [(usize, f64)],
-}
-
-/// A place on a lanelet and how far the front is ahead of it [m].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Place {
-    /// Index of the lanelet.
-    pub lanelet: usize,
-    /// Arc length there [m].
-    pub s: f64,
-    /// From there to the front [m].
-    pub to_front: f64,
 }
 
 /// A participant on the road.

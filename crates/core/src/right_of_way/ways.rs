@@ -1,14 +1,14 @@
 //! Conflict zones between the ways that agents tell each other, beyond those of the map.
 
 use crate::geometry::shape::OrientedBox;
-use crate::geometry::{Point, Pose, wrap_angle};
+use crate::geometry::{Point, Pose};
 
 /// Room beside both vehicles [m].
 const ROOM_BESIDE: f64 = 0.5;
 /// Shorter gaps between shared stretches are closed [m].
 const GAP_MIN: f64 = 3.0;
-/// Ways whose directions differ by less go the same way [rad]: plans say enough.
-const SAME_HEADING: f64 = std::f64::consts::PI / 3.0;
+/// Ways whose directions differ by less than 60° go the same way: plans say enough. The cosine of that.
+const SAME_HEADING: f64 = 0.5;
 
 /// The strip that a vehicle of a width [m] needs along the points of a way, box by box.
 pub(crate) fn strip(way: &[Pose], width: f64) -> Vec<OrientedBox> {
@@ -37,9 +37,7 @@ pub(crate) fn crossing(
     while let Some(own) = ours.get(k) {
         let nearest = theirs.iter().map(|other| other.center.distance(own.center)).fold(f64::INFINITY, f64::min);
         let meets = |other: &OrientedBox| {
-            wrap_angle(other.axis.angle() - own.axis.angle()).abs() > SAME_HEADING
-                && other.overlaps(own)
-                && !are_apart(other.pose(), own.pose())
+            other.axis.dot(own.axis) < SAME_HEADING && other.overlaps(own) && !are_apart(other.pose(), own.pose())
         };
         let first = if nearest <= reach { theirs.iter().position(meets) } else { None };
         if let Some(first) = first {

@@ -112,6 +112,17 @@ pub(crate) struct Passage {
     pub(super) junctions: Vec<usize>,
 }
 
+/// A place on a lanelet and how far the front is ahead of it [m].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Place {
+    /// Index of the lanelet.
+    pub lanelet: usize,
+    /// Arc length there [m].
+    pub s: f64,
+    /// From there to the front [m].
+    pub to_front: f64,
+}
+
 /// The conflict zones on the reference path of an agent.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Course {
@@ -186,6 +197,15 @@ impl Course {
             }
         };
         Self { passages: groups.into_iter().enumerate().map(passage).collect(), pieces: Arc::from(&**pieces) }
+    }
+
+    /// Where a front at an arc length, and the rear behind it, are [m].
+    pub(crate) fn places(&self, front: f64, length: f64) -> Vec<Place> {
+        let at = |to_front: f64| {
+            let (lanelet, s) = self.lanelet_at(front - to_front)?;
+            Some(Place { lanelet, s, to_front })
+        };
+        [at(0.0), at(length)].into_iter().flatten().collect()
     }
 
     /// Adds a zone, to the passage that it belongs to or as one of its own with a number.

@@ -70,6 +70,8 @@ pub(crate) enum Payload {
         points: Vec<State>,
         /// The reference path from the sender's rear end on, one point every 4 m.
         way: Vec<State>,
+        /// Arc length on the reference path at which that begins [m].
+        way_from: f64,
         /// What the sender asks for: the passage before which it is or that it is in, since when, and whether it has been
         /// granted; `None`: nothing.
         request: Option<Memory>,

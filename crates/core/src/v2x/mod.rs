@@ -26,7 +26,7 @@ pub use expect::{Extra, SharedPredictions};
 pub use know::{Known, Via};
 pub use log::{Agreement, Log, Logged, Row};
 pub use message::Service;
-pub(crate) use message::{Message, Object, Payload, WAY_SPACING};
+pub(crate) use message::{Object, Payload, WAY_SPACING};
 pub(crate) use network::{Network, Speaker};
 pub use settings::V2xSettings;
 pub(crate) use trigger::interpolated;

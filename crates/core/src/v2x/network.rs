@@ -166,7 +166,7 @@ impl Network {
             plan_point(&state)
         });
         let (way, points, is_emergency) = (way.collect(), points.clone(), speaker.is_emergency);
-        Some(Payload::Mcm { status, is_emergency, spacing, points, way, request })
+        Some(Payload::Mcm { status, is_emergency, spacing, points, way, way_from: speaker.rear_s, request })
     }
 
     fn broadcast(&mut self, now: i64, sender: usize, from: Point, payload: Payload, listeners: &[(usize, Point)]) {

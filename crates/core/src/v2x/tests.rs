@@ -1,5 +1,5 @@
 use super::channel::Transmission;
-use super::message::Status;
+use super::message::{Message, Status};
 use super::*;
 use crate::right_of_way::Memory;
 use crate::trajectory::State;
@@ -98,6 +98,7 @@ fn plan(request: Option<Memory>) -> Message {
         spacing: 0.2,
         points: vec![State::default(); 16],
         way: vec![State::default(); 21],
+        way_from: 0.0,
         request,
     };
     Message { time_step: 0, sender: 1, payload }

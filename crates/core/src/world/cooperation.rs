@@ -1,23 +1,24 @@
 //! Messages between agents: what they send in a step, and what they expect from what they received.
 
+use std::cell::OnceCell;
 use std::sync::{Arc, OnceLock};
 
 use super::{Agent, Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::error::Result;
+use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
 use crate::predict::completed;
 use crate::right_of_way::{
-    Body, Course, MARGIN, Memory, Order, Place, Reservation, Traffic, Traveller, Zone, crossing, reach, strip,
+    Body, Course, MARGIN, Memory, Order, Reservation, Traffic, Traveller, Zone, crossing, reach, strip,
 };
 use crate::route::Route;
 use crate::rules::SpeedLimits;
 use crate::scene::Scene;
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
-    self, Agreement, Log, Message, Network, Object, Observer, Payload, SharedPredictions, Speaker, WAY_SPACING,
-    interpolated,
+    self, Agreement, Log, Network, Object, Observer, Payload, SharedPredictions, Speaker, WAY_SPACING, interpolated,
 };
 use crate::vehicle::Vehicle;
 
@@ -26,36 +27,52 @@ const OBSERVED: usize = 3;
 
 /// An agent holds no nearer than it can stop, and this much more [m].
 const STOPPING_MARGIN: f64 = 0.1;
-/// A told place is found this far around where the other one is [m].
+/// A told place is found this far around where the way of its sender begins [m].
 const WAY_WINDOW: f64 = 60.0;
 
 /// What an agent was told of another one.
 struct Told<'a> {
     drive: &'a Drive,
-    /// Position in `Traffic::bodies`.
-    body: usize,
+    /// Its position in `Traffic::bodies` if the agent sees it.
+    seen: Option<usize>,
     /// Length and width [m].
     extent: (f64, f64),
     /// Arc length of its front on its path [m].
     front: f64,
+    velocity: f64,
     request: Option<Memory>,
-    /// The way that it told, and the arc length on its path at which that begins [m].
-    way: (f64, &'a [State]),
-    /// The zones on it.
-    course: Course,
+    /// Where the way that it told ends, as an arc length on its path [m].
+    told_up_to: f64,
+    /// A zone that is not of the map, as the agent and as the other one sees it.
+    crossing: Option<[Zone; 2]>,
 }
 
 impl Told<'_> {
+    /// The zones on the way that it told.
     fn zones_ahead(&self) -> impl Iterator<Item = &Zone> {
         let rear = self.front - self.extent.0;
-        self.course.zones().filter(move |zone| zone.exit > rear)
+        self.drive.course.zones().filter(move |zone| zone.exit > rear && zone.entry < self.told_up_to)
     }
 }
+
+/// The strips along the ways that agents told, by place, with the time steps at which they did.
+type Strips = Vec<Option<(i64, Vec<OrientedBox>)>>;
 
 impl Drive {
     fn zones_ahead(&self) -> impl Iterator<Item = &Zone> {
         let rear = self.front() - self.agent.vehicle.length;
         self.course.zones().filter(move |zone| zone.exit > rear)
+    }
+
+    /// The strip that it needs from its rear on, up to so far ahead of its front [m], a box each metre.
+    fn strip(&self, ahead: f64) -> Vec<OrientedBox> {
+        let (length, width) = self.agent.shape.extent();
+        let rear = self.front() - self.agent.vehicle.length;
+        let at = |i: usize| {
+            let foot = self.agent.route.path.at(rear + i as f64);
+            Pose { position: foot.position, orientation: foot.theta }
+        };
+        strip(&(0..=(length + ahead).ceil() as usize).map(at).collect::<Vec<_>>(), width)
     }
 
     fn limited_way(&self) -> (&Route, &SpeedLimits, &Vehicle) {
@@ -252,158 +269,164 @@ impl World {
     pub(super) fn agree(&self, traffic: &Traffic<'_>, rows: &[usize], scene: &Scene, orders: &mut Vec<Order>) {
         let Some(network) = self.network.as_deref().filter(|network| network.settings().negotiate) else { return };
         let positions = scene.positions();
+        let mut strips: Strips = vec![None; network.ids().len()];
         for (place, drive) in self.talking() {
-            let sight = self.sight(drive, scene, &positions);
-            let sees = |body: usize| {
-                scene.present.binary_search(&rows[body]).is_ok_and(|place| sight.binary_search(&place).is_ok())
-            };
-            if let Some(order) = self.agreed_order(network, (place, drive), traffic, rows, &sees) {
-                match orders.binary_search_by_key(&order.id, |order| order.id) {
-                    Ok(known) => orders[known] = order,
-                    Err(new) => orders.insert(new, order),
-                }
+            let body = |row: usize| rows.binary_search(&row).ok();
+            let Some(own) = body(drive.row) else { continue };
+            let sight = self.sight(drive, scene, &positions).iter();
+            let mut known: Vec<usize> = sight.filter_map(|place| body(scene.present[*place])).chain([own]).collect();
+            known.sort_unstable();
+            known.dedup();
+            let told = self.told(network, (place, drive), rows, &known, &mut strips);
+            let Some(order) = self.agreed_order(drive, own, &known, &told, traffic) else { continue };
+            match orders.binary_search_by_key(&order.id, |order| order.id) {
+                Ok(known) => orders[known] = order,
+                Err(new) => orders.insert(new, order),
             }
         }
     }
 
-    /// The order of an agent by its own ledger; `None` if it was told of nobody who needs the same zones and about whom it
-    /// would not know otherwise.
-    fn agreed_order(
-        &self,
+    /// What an agent was told of others that it would not know otherwise; nothing if none of them needs the same zones.
+    fn told<'a>(
+        &'a self,
         network: &Network,
         (place, drive): (usize, &Drive),
-        traffic: &Traffic<'_>,
         rows: &[usize],
-        sees: &dyn Fn(usize) -> bool,
-    ) -> Option<Order> {
-        let own = rows.binary_search(&drive.row).ok()?;
-        let (mut bodies, mut told) = (traffic.bodies.to_vec(), Vec::new());
-        let mut course = (*drive.course).clone();
-        let n_areas = self.scenario.junctions().areas.len();
+        known: &[usize],
+        strips: &mut Strips,
+    ) -> Vec<Told<'a>> {
+        let Some(state) = self.states[drive.row] else { return Vec::new() };
+        let far = reach(state.velocity) + network.settings().way_ahead;
+        let ours = OnceCell::new();
+        let (mut found, mut is_shared) = (Vec::new(), false);
         for (sender, message) in network.plans(place) {
+            let Payload::Mcm { status, spacing, points, way, way_from, request, .. } = &message.payload else {
+                continue;
+            };
+            let age = (self.time_step - message.time_step) as f64 * self.scenario.dt;
+            let now = points.first().map(|_| interpolated(points, *spacing, age));
+            let Some(now) = now.filter(|now| now.pose().position.distance(state.pose().position) <= far) else {
+                continue;
+            };
             let other = &self.drives[self.drive_index(message.sender).expect("senders are agents")];
-            let seen = rows.binary_search(&other.row).ok().filter(|body| sees(*body));
-            let Some(mut one) = self.told(other, message, seen, &mut bodies) else { continue };
-            let meets = |zone: &Zone| one.zones_ahead().any(|their| their.meets(zone));
+            let seen = rows.binary_search(&other.row).ok().filter(|body| known.binary_search(body).is_ok());
+            // Its sensors know better than a message.
+            let (front, velocity) = match (seen, self.states[other.row]) {
+                (Some(_), Some(state)) => (other.front(), state.velocity),
+                _ => {
+                    let (path, half) = (&other.agent.route.path, 0.5 * status.length);
+                    let foot = path.project_near(now.pose().position, way_from + half, WAY_WINDOW);
+                    let Some((s, _)) = foot else { continue };
+                    (s + half, now.velocity.max(0.0))
+                }
+            };
+            let told_up_to = way_from + WAY_SPACING * (way.len() as f64 - 1.0);
+            let extent = (status.length, status.width);
+            let mut one =
+                Told { drive: other, seen, extent, front, velocity, request: *request, told_up_to, crossing: None };
+            let meets = drive.zones_ahead().any(|zone| one.zones_ahead().any(|their| their.meets(zone)));
             let is_public = seen.is_some() && drive.obeys() && other.obeys();
-            if !drive.zones_ahead().any(meets)
-                && let Some([own, theirs]) = self.crossing(drive, &one)
-            {
-                let (area, side) = (n_areas + sender, usize::from(drive.agent.id > other.agent.id));
-                course.add(Zone::told(area, side, own), usize::MAX - sender, drive.limited_way());
-                one.course.add(Zone::told(area, 1 - side, theirs), usize::MAX - place, other.limited_way());
-            } else if is_public {
-                // It obeys the same order in sight of the agent.
+            if !meets {
+                let ours: &Vec<OrientedBox> = ours.get_or_init(|| drive.strip(reach(state.velocity)));
+                let known = &mut strips[sender];
+                if known.as_ref().is_none_or(|(time_step, _)| *time_step != message.time_step) {
+                    let way: Vec<Pose> = way.iter().map(State::pose).collect();
+                    *known = Some((message.time_step, strip(&way, status.width)));
+                }
+                let theirs = known.as_ref().map_or(&[][..], |(_, strip)| strip);
+                let gone = ((front - extent.0 - way_from) / WAY_SPACING).max(0.0) as usize;
+                let are_apart = |one, other| self.participants.storeys.are_apart(one, other);
+                let crossed = crossing(ours, theirs.get(gone..).unwrap_or_default(), &are_apart);
+                let rear = drive.front() - drive.agent.vehicle.length;
+                let there = |i: usize| way_from + WAY_SPACING * (gone + i) as f64;
+                let (area, side) =
+                    (self.scenario.junctions().areas.len() + sender, usize::from(drive.agent.id > other.agent.id));
+                one.crossing = crossed.map(|[(first, last), (enters, leaves)]| {
+                    let own = Zone::told(area, side, (rear + first as f64, rear + last as f64));
+                    [own, Zone::told(area, 1 - side, (there(enters), there(leaves)))]
+                });
+            }
+            if is_public && one.crossing.is_none() {
+                // Both obey the same order in sight of each other.
                 continue;
             }
-            told.push(one);
+            is_shared |= meets || one.crossing.is_some();
+            found.push(one);
         }
-        let is_shared = |zone: &Zone| told.iter().any(|one| one.course.zones().any(|their| their.meets(zone)));
-        let left = drive.front() - bodies[own].length;
-        if !course.zones().any(|zone| zone.exit > left && is_shared(zone)) {
+        if is_shared { found } else { Vec::new() }
+    }
+
+    /// The order of an agent by its own ledger; `None` if it was told nothing.
+    fn agreed_order(
+        &self,
+        drive: &Drive,
+        own: usize,
+        known: &[usize],
+        told: &[Told<'_>],
+        traffic: &Traffic<'_>,
+    ) -> Option<Order> {
+        if told.is_empty() {
             return None;
         }
-        let is_told = |body: usize| told.iter().any(|one| one.body == body);
-        let mut travellers: Vec<Traveller<'_>> = if drive.obeys() {
-            let seen = traffic.travellers.iter().filter(|traveller| !is_told(traveller.body));
-            seen.map(
-                |traveller| {
-                    if traveller.body == own { Traveller { course: &course, ..*traveller } } else { *traveller }
-                },
-            )
-            .collect()
+        let place_of = |body: usize| known.binary_search(&body).ok();
+        let mut bodies: Vec<Body> = known.iter().map(|body| traffic.bodies[*body].clone()).collect();
+        let mut course = (*drive.course).clone();
+        // Numbers of passages beyond those of the map, and courses of the others.
+        let number = |other: &Drive| usize::MAX - other.place.unwrap_or_default();
+        let mut others = Vec::with_capacity(told.len());
+        for one in told {
+            let mut theirs = one.drive.course.filtered(|zone| zone.entry < one.told_up_to);
+            if let Some([here, there]) = one.crossing {
+                course.add(here, number(one.drive), drive.limited_way());
+                theirs.add(there, number(drive), one.drive.limited_way());
+            }
+            let body = one.seen.and_then(place_of).unwrap_or_else(|| {
+                let places = theirs.places(one.front, one.extent.0);
+                bodies.push(Body { id: one.drive.agent.id, length: one.extent.0, velocity: one.velocity, places });
+                bodies.len() - 1
+            });
+            others.push((body, theirs));
+        }
+        let is_told = |body: usize| others.iter().any(|(other, _)| *other == body);
+        let own = place_of(own)?;
+        let mut travellers: Vec<Traveller<'_>> = Vec::new();
+        if drive.obeys() {
+            let seen =
+                traffic.travellers.iter().filter_map(|one| Some(Traveller { body: place_of(one.body)?, ..*one }));
+            travellers.extend(seen.filter(|one| !is_told(one.body)));
+            travellers.iter_mut().filter(|one| one.body == own).for_each(|one| one.course = &course);
         } else {
-            course = course.filtered(is_shared);
+            course = course.filtered(|zone| others.iter().any(|(_, theirs)| theirs.zones().any(|one| one.meets(zone))));
             let crosswalk = self.crosswalk_ahead(drive).map_or(f64::INFINITY, |barrier| barrier.s);
             let (line, width) = (self.line(drive), drive.agent.vehicle.width);
-            vec![Traveller { line, crosswalk, ..asking(own, width, drive, (&course, drive.memory)) }]
-        };
-        travellers.extend(told.iter().map(|one| {
-            if let Some(public) = traffic.of_body(one.body).filter(|_| drive.obeys()) {
-                return Traveller { course: &one.course, ..*public };
+            travellers.push(Traveller { line, crosswalk, ..asking(own, width, drive, (&course, drive.memory)) });
+        }
+        travellers.extend(told.iter().zip(&others).map(|(one, (body, theirs))| {
+            let public = one.seen.filter(|_| drive.obeys()).and_then(|body| traffic.of_body(body));
+            if let Some(public) = public {
+                return Traveller { body: *body, course: theirs, ..*public };
             }
             let memory = one.request.unwrap_or_default();
             let line = if one.request.is_some() { f64::INFINITY } else { f64::NEG_INFINITY };
-            Traveller { front: one.front, line, ..asking(one.body, one.extent.1, one.drive, (&one.course, memory)) }
+            Traveller { front: one.front, line, ..asking(*body, one.extent.1, one.drive, (theirs, memory)) }
         }));
         travellers.sort_by_key(|traveller| traveller.body);
-        let visits = traffic.visits.iter().filter(|visit| drive.obeys() && !is_told(visit.body)).copied();
-        let visits: Vec<Reservation> = visits.collect();
-        let knows = |body: usize| body == own || body >= rows.len() || sees(body);
+        let visits = traffic.visits.iter().filter(|_| drive.obeys());
+        let visits = visits.filter_map(|visit| Some(Reservation { body: place_of(visit.body)?, ..*visit }));
+        let visits: Vec<Reservation> = visits.filter(|visit| !is_told(visit.body)).collect();
         let traffic = Traffic { bodies: &bodies, travellers: &travellers, visits: &visits, ..*traffic };
-        let viewer = travellers.binary_search_by_key(&own, |traveller| traveller.body).expect("it is one of them");
-        let mut order = traffic.order_of(viewer, &knows)?;
+        let viewer = travellers.binary_search_by_key(&own, |traveller| traveller.body).ok()?;
+        let mut order = traffic.order_of(viewer)?;
         if let Some(barrier) = &mut order.barrier {
             let by = barrier.by.filter(|by| told.iter().any(|one| one.drive.agent.id == *by));
             if by.is_some() || !drive.obeys() {
-                let margin = network.settings().hold_margin - MARGIN;
-                let velocity = bodies[own].velocity;
-                let stopping = drive.front() + 0.5 * velocity * velocity / COMFORTABLE_DECELERATION + STOPPING_MARGIN;
-                let s = (barrier.s - margin).max(stopping.min(barrier.s));
+                let margin = self.settings.v2x.hold_margin - MARGIN;
+                let stopping = 0.5 * bodies[own].velocity.powi(2) / COMFORTABLE_DECELERATION + STOPPING_MARGIN;
+                let s = (barrier.s - margin).max((drive.front() + stopping).min(barrier.s));
                 *barrier = Barrier { s, by, reason: BarrierReason::Agreement, ..*barrier };
             }
         }
         Some(order)
-    }
-
-    /// What an agent was told of another one by its newest message; those that it does not see become new bodies.
-    fn told<'a>(
-        &self,
-        other: &'a Drive,
-        message: &'a Message,
-        seen: Option<usize>,
-        bodies: &mut Vec<Body>,
-    ) -> Option<Told<'a>> {
-        let Payload::Mcm { status, spacing, points, way, request, .. } = &message.payload else { return None };
-        let (path, hint) = (&other.agent.route.path, other.s + other.agent.vehicle.rear_axle_to_center);
-        let along = |x: f64, y: f64| path.project_near(Point::new(x, y), hint, WAY_WINDOW).map(|(s, _)| s);
-        if points.is_empty() {
-            return None;
-        }
-        let begin = along(status.state.x, status.state.y)? - 0.5 * status.length;
-        let told_up_to = begin + WAY_SPACING * (way.len() as f64 - 1.0);
-        let course = other.course.filtered(|zone| zone.entry < told_up_to);
-        let (front, body) = match seen {
-            // Its sensors know better than a message.
-            Some(body) => (other.front(), body),
-            None => {
-                let age = (self.time_step - message.time_step) as f64 * self.scenario.dt;
-                let now = interpolated(points, *spacing, age);
-                let front = along(now.x, now.y)? + 0.5 * status.length;
-                let at = |to_front: f64| {
-                    let (lanelet, s) = course.lanelet_at(front - to_front)?;
-                    Some(Place { lanelet, s, to_front })
-                };
-                let places = [at(0.0), at(status.length)].into_iter().flatten().collect();
-                let velocity = now.velocity.max(0.0);
-                bodies.push(Body { id: message.sender, length: status.length, velocity, places });
-                (front, bodies.len() - 1)
-            }
-        };
-        let (length, width) = (status.length, status.width);
-        Some(Told { drive: other, body, extent: (length, width), front, request: *request, way: (begin, way), course })
-    }
-
-    /// Where the way of an agent and one that it was told of cross, as arc lengths on the paths of both [m].
-    fn crossing(&self, drive: &Drive, told: &Told<'_>) -> Option<[(f64, f64); 2]> {
-        let state = self.states[drive.row]?;
-        let (length, width) = drive.agent.shape.extent();
-        let path = &drive.agent.route.path;
-        let rear = drive.front() - length;
-        let n = (length + reach(state.velocity)).ceil() as usize;
-        let at = |i: usize| {
-            let foot = path.at(rear + i as f64);
-            Pose { position: foot.position, orientation: foot.theta }
-        };
-        let (begin, way) = told.way;
-        let gone = ((told.front - told.extent.0 - begin) / WAY_SPACING).max(0.0) as usize;
-        let way: Vec<Pose> = way.iter().skip(gone).map(|at| Pose::new(at.x, at.y, at.orientation)).collect();
-        let ours = strip(&(0..=n).map(at).collect::<Vec<_>>(), width);
-        let theirs = strip(&way, told.extent.1);
-        let are_apart = |one, other| self.participants.storeys.are_apart(one, other);
-        let [(first, last), (enters, leaves)] = crossing(&ours, &theirs, &are_apart)?;
-        let there = |i: usize| begin + WAY_SPACING * (gone + i) as f64;
-        Some([(rear + first as f64, rear + last as f64), (there(enters), there(leaves))])
     }
 
     /// What an agent's sensors see, as it tells others.

@@ -143,7 +143,8 @@ impl World {
             let (length, _) = self.participants.shape[row].extent();
             let own = obeying[place].filter(|drive| drive.keeps_to_its_path());
             let matches = if own.is_some() { Vec::new() } else { self.matching(&scene, row) };
-            let places = own.map_or_else(|| places_of(&matches, length), |drive| drive.places(length));
+            let places =
+                own.map_or_else(|| places_of(&matches, length), |drive| drive.course.places(drive.front(), length));
             if obeying[place].is_none()
                 && let Some(found) = matches.first()
                 && !self.participants.is_static[row]
@@ -307,15 +308,6 @@ impl Drive {
             let areas = passage.zones.iter().map(|zone| zone.area as i64);
             areas.map(move |area| Entry { agent: self.agent.id, area, time_step, granted })
         })
-    }
-
-    /// Where its front and its rear are.
-    fn places(&self, length: f64) -> Vec<Place> {
-        let at = |to_front: f64| {
-            let (lanelet, s) = self.course.lanelet_at(self.front() - to_front)?;
-            Some(Place { lanelet, s, to_front })
-        };
-        [at(0.0), at(length)].into_iter().flatten().collect()
     }
 }
 
