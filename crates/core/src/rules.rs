@@ -36,7 +36,8 @@ const BEHIND_LINE: f64 = 15.0;
 pub const STOP_REACH: f64 = 2.0;
 
 settings! {
-    /// Rules of the road that an agent obeys, with planner `frenet`, `idm` or `idm_mobil`.
+    /// Rules of the road that an agent obeys, with planner `frenet`, `rollout`, `idm` or
+    /// `idm_mobil`.
     pub struct RulesSettings as RulesSettings {
         /// Whether an agent obeys any rule of the road.
         enabled: bool = true;
@@ -58,7 +59,7 @@ settings! {
         /// Be careful at junctions where buildings or parked vehicles hide a road with priority, if `view.occlusion`.
         unseen: bool = true;
         /// Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be crossed
-        /// and nobody is oncoming; planner `frenet` only.
+        /// and nobody is oncoming; planners `frenet` and `rollout` only.
         passing: bool = true;
         /// Rely on vehicles that do not obey to give way at junctions where they should, even if they would have to
         /// brake hard.
