@@ -449,8 +449,7 @@ class RoadSettings:
 
 @dataclass(frozen=True)
 class RulesSettings:
-    """Rules of the road that an agent obeys, with planner `frenet`, `rollout`, `idm` or
-    `idm_mobil`.
+    """Rules of the road that an agent obeys; with planners `recorded` and `velocity_adjusting` it obeys none.
 
     Attributes:
         enabled: Whether an agent obeys any rule of the road.

@@ -36,8 +36,7 @@ const BEHIND_LINE: f64 = 15.0;
 pub const STOP_REACH: f64 = 2.0;
 
 settings! {
-    /// Rules of the road that an agent obeys, with planner `frenet`, `rollout`, `idm` or
-    /// `idm_mobil`.
+    /// Rules of the road that an agent obeys; with planners `recorded` and `velocity_adjusting` it obeys none.
     pub struct RulesSettings as RulesSettings {
         /// Whether an agent obeys any rule of the road.
         enabled: bool = true;

@@ -115,7 +115,7 @@ fn a_bend_of_12_m_is_taken_at_its_comfortable_speed_and_the_lane_is_kept() {
         assert_eq!(result.status, PlanStatus::Planned);
         drive.step(result);
         hardest = hardest.max((drive.state.velocity * drive.state.yaw_rate).abs());
-        assert!(drive.place().1.abs() < 0.6, "{:?}", drive.place());
+        assert!(drive.place().1.abs() < 0.8, "{:?}", drive.place());
     }
     let comfortable = RolloutSettings::default().comfort.lateral_acceleration;
     assert!((0.7 * comfortable..1.6 * comfortable).contains(&hardest), "{hardest} m/s²");
