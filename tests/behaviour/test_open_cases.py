@@ -81,11 +81,14 @@ LIGHT = cr.traffic_light(901, ("red", 400), ("green", 300))
     ("planner", "start", "goal"),
     [
         ("frenet", 1, 1),
+        ("rollout", 1, 1),
         ("idm", 0, 0),
         ("frenet", 1, 0),
+        ("rollout", 1, 0),
         ("idm", 1, 0),
         ("idm_mobil", 1, 0),
         ("frenet", 0, 1),
+        ("rollout", 0, 1),
         ("idm", 0, 1),
     ],
 )
@@ -102,9 +105,12 @@ def test_an_agent_stands_at_the_stop_sign_of_every_lane_and_drives_on(tmp_path, 
     [
         ("idm", 2, 0, 0),
         ("frenet", 2, 1, 1),
+        ("rollout", 2, 1, 1),
         ("idm", 2, 1, 0),
         ("frenet", 2, 1, 0),
+        ("rollout", 2, 1, 0),
         ("frenet", 2, 0, 1),
+        ("rollout", 2, 0, 1),
         ("idm_mobil", 2, 1, 0),
         ("idm", 2, 0, 1),
         ("idm", 3, 2, 0),
@@ -189,6 +195,7 @@ def test_nobody_touches_who_has_priority_from_any_lane(tmp_path, planner, start)
     ("planner", "lanes", "radius"),
     [
         ("frenet", 1, 40.0),
+        ("rollout", 1, 40.0),
         ("idm", 1, 40.0),
         pytest.param("idm_mobil", 1, 40.0, marks=missing(OFF_THE_RING)),
         pytest.param("idm_mobil", 1, 25.0, marks=missing(OFF_THE_RING)),
@@ -210,8 +217,10 @@ def test_an_agent_drives_an_empty_ring_to_its_end(planner, lanes, radius):
     [
         ("idm", 18.5),
         ("frenet", 25.0),
+        ("rollout", 25.0),
         ("idm_mobil", 40.0),
         pytest.param("frenet", 18.5, marks=missing("frenet begins the lane change and takes it back")),
+        ("rollout", 18.5),
         pytest.param("idm_mobil", 18.5, marks=missing(OFF_THE_RING)),
         pytest.param("idm_mobil", 25.0, marks=missing(OFF_THE_RING)),
     ],
@@ -238,10 +247,14 @@ def test_an_agent_leaves_the_inner_lane_of_an_empty_ring(planner, radius):
     ("planner", "y", "heading"),
     [
         ("frenet", 1.0, 0.2),
+        ("rollout", 1.0, 0.2),
         ("idm", 1.0, math.pi / 4),
         pytest.param("frenet", 1.0, math.pi / 4, marks=missing(ASKEW)),
+        ("rollout", 1.0, math.pi / 4),
         pytest.param("frenet", -1.0, -math.pi / 4, marks=missing(ASKEW)),
+        ("rollout", -1.0, -math.pi / 4),
         pytest.param("frenet", 1.0, 1.0, marks=missing(ASKEW)),
+        ("rollout", 1.0, 1.0),
     ],
 )
 def test_an_agent_that_stands_askew_in_a_wide_lane_drives_off(planner, y, heading):
@@ -258,8 +271,11 @@ def test_an_agent_that_stands_askew_in_a_wide_lane_drives_off(planner, y, headin
     [
         ("idm", 1.2, -0.4),
         ("frenet", 1.2, 0.4),
+        ("rollout", 1.2, 0.4),
         ("frenet", -1.2, -0.4),
+        ("rollout", -1.2, -0.4),
         pytest.param("frenet", 1.2, -0.4, marks=missing(ASKEW)),
+        ("rollout", 1.2, -0.4),
     ],
 )
 def test_an_agent_that_stands_askew_inside_a_junction_drives_off(planner, beside, heading):
@@ -284,9 +300,12 @@ def test_an_agent_that_stands_askew_inside_a_junction_drives_off(planner, beside
             0.0,
             marks=missing("frenet does not fall back into the gap of 21.5 m behind the car beside it"),
         ),
+        pytest.param("rollout", 26.0, 0.0, marks=missing("rollout does not fall back into that gap either")),
         pytest.param("idm_mobil", 26.0, 0.0, marks=missing("idm_mobil falls so far back that it is 1.7 s late")),
         ("frenet", 26.0, 13.0),
+        ("rollout", 26.0, 13.0),
         ("frenet", 60.0, 30.0),
+        ("rollout", 60.0, 30.0),
     ],
 )
 def test_an_agent_changes_into_a_gap_at_the_speed_of_the_flow(planner, gap, ahead):
