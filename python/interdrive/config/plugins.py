@@ -18,7 +18,7 @@ from interdrive.config.binding import bind, constructed, description, dotted
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 #: The planner of agents for which none is chosen.
-DEFAULT_PLANNER = "frenet"
+DEFAULT_PLANNER = "rollout"
 
 
 @dataclass(frozen=True)
