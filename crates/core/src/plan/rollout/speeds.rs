@@ -17,6 +17,8 @@ const BRAKING_SHARE: f64 = 1.3;
 const EXCESS: f64 = 1.0;
 /// The jerk of braking that is harder than this is not limited [m/s²]: barriers are told as long as 3 m/s² suffice.
 const NEEDED_BRAKING: f64 = 2.5;
+/// Nor is that of an agent that exceeds the speed limit by more than this [m/s], which the monitor counts as speeding.
+const SPEEDING: f64 = 0.5;
 /// Who is much too fast brakes towards the desired speed with at most this [m/s²].
 const SLOWING: f64 = 4.0;
 /// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
@@ -149,17 +151,17 @@ impl Speeds {
         }
         let most = if pace == Pace::Walking { WALKING_SPEED } else { f64::INFINITY };
         let share = if let Pace::Share(share) = pace { share } else { 1.0 };
+        // Who stops brakes no later than the road asks for.
+        let stopping = match pace {
+            Pace::Stopping => -comfort.deceleration,
+            Pace::Braking => -2.0 * comfort.deceleration,
+            _ => f64::INFINITY,
+        };
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {
-            let free = match pace {
-                Pace::Stopping => -comfort.deceleration,
-                Pace::Braking => -2.0 * comfort.deceleration,
-                _ => {
-                    let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
-                    towards(cap, velocity, comfort)
-                }
-            };
+            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
+            let free = towards(cap, velocity, comfort).min(stopping);
             let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             free.min(allowed)
@@ -227,13 +229,15 @@ fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f
 /// Constant acceleration between points, within the vehicle's limits and those of jerk.
 fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds {
     let Task { request, comfort, start, n_points, .. } = *task;
-    let (vehicle, dt) = (request.vehicle, request.dt);
+    let (vehicle, dt, limits) = (request.vehicle, request.dt, &request.rules.way.limits);
     let (mut s, mut velocity) = (start.s, start.velocity);
     let mut before = task.acceleration();
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
         let wanted = law(point, s, velocity);
-        let lowest = if wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
+        let is_speeding = velocity > limits.at(s) + SPEEDING;
+        let lowest =
+            if is_speeding || wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
         let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
         let wanted = wanted.clamp(lowest, highest.max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
