@@ -26,6 +26,7 @@ STORED = Path(__file__).with_suffix(".json")
 #: Hot paths of crates/core/benches/instructions.rs, and how often each is done.
 PATHS = {
     "plan": 4,
+    "plan_frenet": 4,
     "predict_lane_following": 10,
     "predict_neural": 2,
     "contacts": 20,

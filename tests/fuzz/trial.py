@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 N_STEPS = 20
 ACCEPTED, REFUSED, FAILED = "accepted", "refused", "failed"
 #: Weighted: the default planner and predictor are used most. Some need a recording, which no planning problem has.
-_PLANNERS = ("frenet", "frenet", "frenet", "idm", "idm_mobil")
+_PLANNERS = ("rollout", "rollout", "rollout", "frenet", "idm", "idm_mobil")
 _WITH_RECORDING = (*_PLANNERS, "recorded", "velocity_adjusting")
 _PREDICTORS = ("neural", "neural", "lane_following", "constant_velocity", "ground_truth")
 

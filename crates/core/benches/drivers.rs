@@ -99,6 +99,7 @@ fn benches(c: &mut Criterion) {
         ("idm", Planner::Idm(IdmSettings::default())),
         ("idm_mobil", Planner::IdmMobil(Box::default())),
         ("frenet", Planner::Frenet(Box::default())),
+        ("rollout", Planner::Rollout(Box::default())),
     ] {
         let mut world = world(&planner);
         let predictor = Predictor::LaneFollowing(LaneFollowing::default());

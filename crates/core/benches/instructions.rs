@@ -26,14 +26,9 @@ fn main() {
     };
     let following = Predictor::LaneFollowing(LaneFollowing::default());
     match name.as_str() {
-        // One agent in reach of seven others, a plan of 800 samples.
-        "plan" => {
-            let mut world = world(shipped::T_JUNCTION, 1);
-            steps(&mut world, &following, 10);
-            let mut step = Step::begin(&world);
-            step.expect(&world, Forecast::Core(&following, HORIZON)).expect("predictions");
-            (0..times).for_each(|_| black_box(step.plan(&world)).expect("plans"));
-        }
+        // One agent in reach of seven others; `frenet` evaluates 800 samples.
+        "plan" => plan(Planner::Rollout(Box::default()), &following, times),
+        "plan_frenet" => plan(Planner::Frenet(Box::default()), &following, times),
         "predict_lane_following" => predict(&following, times),
         "predict_neural" => {
             let network = Arc::new(network::network());
@@ -79,13 +74,22 @@ fn main() {
 }
 
 fn world(document: &str, agents: usize) -> World {
-    shipped::world(document, agents, &Planner::Frenet(Box::default()), WorldSettings::default())
+    shipped::world(document, agents, &Planner::Rollout(Box::default()), WorldSettings::default())
+}
+
+/// Plans of one agent at the T-junction in the same scene.
+fn plan(planner: Planner, predictor: &Predictor, times: usize) {
+    let mut world = shipped::world(shipped::T_JUNCTION, 1, &planner, WorldSettings::default());
+    steps(&mut world, predictor, 10);
+    let mut step = Step::begin(&world);
+    step.expect(&world, Forecast::Core(predictor, HORIZON)).expect("predictions");
+    (0..times).for_each(|_| black_box(step.plan(&world)).expect("plans"));
 }
 
 /// Steps of all vehicles at the T-junction with messages.
 fn cooperate(v2x: V2xSettings, predictor: &Predictor, n: usize) {
     let settings = WorldSettings { v2x, ..WorldSettings::default() };
-    let mut world = shipped::world(shipped::T_JUNCTION, usize::MAX, &Planner::Frenet(Box::default()), settings);
+    let mut world = shipped::world(shipped::T_JUNCTION, usize::MAX, &Planner::Rollout(Box::default()), settings);
     steps(&mut world, predictor, n);
 }
 

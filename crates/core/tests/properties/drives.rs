@@ -8,6 +8,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::StatedPlan;
 use interdrive_core::plan::frenet::FrenetSettings;
+use interdrive_core::plan::rollout::RolloutSettings;
 use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, Planner};
 use interdrive_core::predict::neural::{Network, Neural};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
@@ -41,6 +42,26 @@ fn frenet(source: &mut Source) -> FrenetSettings {
     if changed.validate().is_ok() { changed } else { default }
 }
 
+fn rollout(source: &mut Source) -> RolloutSettings {
+    let default = RolloutSettings::default();
+    if !source.is_odd() {
+        return default;
+    }
+    let mut changed = default;
+    changed.horizon = source.any(0.5, 5.0);
+    changed.margin_length = source.any(0.0, 2.0);
+    changed.margin_width = source.any(0.0, 2.0);
+    changed.collision_mode_probability = source.any(0.0, 1.0);
+    changed.weights.contact = source.any(0.0, 200.0);
+    changed.weights.off_road = source.any(0.0, 500.0);
+    changed.comfort.time_gap = source.any(0.5, 2.0);
+    changed.comfort.acceleration = source.any(0.5, 5.0);
+    changed.comfort.deceleration = source.any(0.5, 5.0);
+    changed.comfort.jerk = source.any(0.5, 10.0);
+    changed.comfort.lateral_acceleration = source.any(0.5, 5.0);
+    if changed.validate().is_ok() { changed } else { default }
+}
+
 fn law(source: &mut Source) -> CarFollowing {
     let default = CarFollowing::default();
     if !source.is_odd() {
@@ -61,7 +82,8 @@ fn planner(source: &mut Source, is_recorded: bool) -> Planner {
     let idm = |source: &mut Source| IdmSettings { law: law(source), ..IdmSettings::default() };
     let kind = source.byte() % 8;
     match if (3..=4).contains(&kind) && !is_recorded && !source.is_odd() { 6 } else { kind } {
-        0..=2 => Planner::Frenet(Box::new(frenet(source))),
+        0 | 1 => Planner::Rollout(Box::new(rollout(source))),
+        2 => Planner::Frenet(Box::new(frenet(source))),
         3 => Planner::Recorded,
         4 => Planner::VelocityAdjusting(law(source)),
         5 => Planner::Idm(idm(source)),
