@@ -15,6 +15,7 @@ from pathlib import Path
 
 from interdrive.batches import BatchFolder, batch
 from interdrive.batches.pool import resident_memory
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
 from interdrive.simulation import simulate
@@ -37,7 +38,7 @@ def loop(files: list[Path], planner: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--planner", default="frenet")
+    parser.add_argument("--planner", default=DEFAULT_PLANNER)
     parser.add_argument("--workers", type=int, default=1)
     arguments = parser.parse_args()
     files = sorted(arguments.folder.rglob("*.xml"))

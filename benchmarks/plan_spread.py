@@ -1,6 +1,6 @@
 """How far agents drive from their plans, see docs/research/cooperation.md: the spread of plans that others receive.
 
-    python benchmarks/plan_spread.py [FOLDER] [--planners frenet,idm] [--predictor neural]
+    python benchmarks/plan_spread.py [FOLDER] [--planners rollout,idm] [--predictor neural]
 
 Drives every scenario of a folder (that of INTERDRIVE_SCENARIOS) with all agents and prints Markdown, for ordinary plans
 and for those of emergencies: root mean squares of driven - planned position along and across the planned heading, by
@@ -72,7 +72,7 @@ def growth(values: dict[float, float], sigma: float) -> float:
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("folder", type=Path, nargs="?", default=os.environ.get(FOLDER_VARIABLE))
-    arguments.add_argument("--planners", default="frenet,idm")
+    arguments.add_argument("--planners", default="rollout,idm")
     arguments.add_argument("--predictor", default="neural")
     arguments.add_argument("--workers", type=int, default=os.cpu_count())
     given = arguments.parse_args()

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import SimulationSettings
 from interdrive.config.specs import Resolved
 from interdrive.errors import InterdriveError, PredictorError
@@ -200,7 +201,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sources", nargs="+", help="files, folders, shipped scenarios")
     parser.add_argument("--predictors", default="all", help="names with settings, separated by blanks")
-    parser.add_argument("--planner", default="frenet")
+    parser.add_argument("--planner", default=DEFAULT_PLANNER)
     parser.add_argument("--split", type=Path, default=SPLIT, help="what the weights of neural were trained with")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("out/closed_loop.parquet"))

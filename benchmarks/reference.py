@@ -1,6 +1,6 @@
 """Stores the rows of a benchmark as reference rows of its set, and writes them into docs/research/scores.md.
 
-    interdrive benchmark frenet,idm,idm_mobil,recorded --set public-1 --split test --scenarios FOLDER
+    interdrive benchmark rollout,frenet,idm,idm_mobil,recorded --set public-1 --split test --scenarios FOLDER
     python benchmarks/reference.py out/benchmark-public-1   # several folders: a planner needs an environment of its own
 
 Rows of the same planner and split are replaced, other ones stay. A partial benchmark is refused. A planner that drives

@@ -103,7 +103,7 @@ def print_kinds(scenario: str, repeat: int) -> None:
     """One row per planner kind, and what a planner in Python costs beyond its own work."""
     print("\n| planner of 24 agents, 2 threads | ms per step | µs per plan beyond the planner's own work |")
     print("|---|--:|--:|")
-    for kind in ("recorded", "velocity_adjusting", "idm", "idm_mobil", "frenet", "python"):
+    for kind in ("recorded", "velocity_adjusting", "idm", "idm_mobil", "frenet", "rollout", "python"):
         runs = []
         for _ in range(repeat):
             command = [sys.executable, __file__, "--kind", scenario, kind]

@@ -63,7 +63,7 @@ def strip(run: idr.Run, title: str) -> list[Image.Image]:
 def main() -> None:
     """Drives both and writes the picture."""
     replayed = idr.simulate("lane_merge", agents=[BRAKING], planner=Brakes)
-    planned = idr.simulate("lane_merge", agents="all", planner={"default": "frenet", BRAKING: Brakes})
+    planned = idr.simulate("lane_merge", agents="all", planner={"default": "rollout", BRAKING: Brakes})
     upper = strip(replayed, "recorded: the car in front brakes, the recording drives through it")
     lower = strip(planned, "interdrive: every car plans for itself")
     frames = []

@@ -59,7 +59,7 @@ def main() -> None:
         options = ("--kind", "velocity", "--out", FIGURES / "plot_velocity.png")
         interdrive("plot", folder / "run", *options)
         names = ("t_junction", "lane_merge", "highway", "intersection")
-        planners = ("--planner", "frenet,idm,idm_mobil")
+        planners = ("--planner", "rollout,idm,idm_mobil")
         interdrive("batch", *names, *planners, "--keep", "all", "--out", folder / "four", "--quiet")
         interdrive("report", folder / "four")
         picture(browser, folder / "four" / "report.html", "report_batch.png", height=1020)

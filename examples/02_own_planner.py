@@ -41,7 +41,7 @@ class Follow:
 
 def main() -> None:
     print(check_planner(Follow))
-    run = idr.simulate("t_junction", agents="all", planner={"default": "frenet", 2001: Follow})
+    run = idr.simulate("t_junction", agents="all", planner={"default": "rollout", 2001: Follow})
     row = list(run.outcomes.agent_id).index(2001)
     print(f"agent 2001 with a planner of its own: {run.outcomes.outcome[row]}")
 

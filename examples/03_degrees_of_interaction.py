@@ -7,9 +7,9 @@ def main() -> None:
     for degree, planner in (
         ("deterministic", "recorded"),
         ("semi-deterministic", "velocity_adjusting"),
-        ("interactive", "frenet"),
+        ("interactive", "rollout"),
     ):
-        run = idr.simulate("lane_merge", agents="all", planner={"default": "frenet", 1001: planner})
+        run = idr.simulate("lane_merge", agents="all", planner={"default": "rollout", 1001: planner})
         ends = ", ".join(f"{i} {end}" for i, end in zip(run.outcomes.agent_id, run.outcomes.outcome, strict=True))
         print(f"{degree}: {ends}")
 

@@ -2,8 +2,8 @@
 
     python benchmarks/driving                                      # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving --csv new.csv --against old.csv      # agents that changed between two builds
-    python benchmarks/driving --planner idm_mobil --csv idm_mobil.csv --against frenet.csv      # two planners, paired
-    python benchmarks/driving --places A --set planner.frenet.level=1
+    python benchmarks/driving --planner idm_mobil --csv idm_mobil.csv --against rollout.csv     # two planners, paired
+    python benchmarks/driving --places A --set planner.rollout.horizon=4
     python benchmarks/driving --page docs/research/driving.md               # writes its tables into the page, too
 
 Prints Markdown. Results do not depend on the number of workers.
@@ -25,6 +25,7 @@ from places import halves, place_of, places, scenario_files
 from realism import distances
 
 from interdrive.config.binding import bind
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import SimulationSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -49,7 +50,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="driving", description=(__doc__ or "").splitlines()[0])
     default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
     parser.add_argument("folder", type=Path, nargs="?", default=default, help="of scenarios, or of folders of them")
-    parser.add_argument("--planner", default="frenet", help="of all agents, as for interdrive run")
+    parser.add_argument("--planner", default=DEFAULT_PLANNER, help="of all agents, as for interdrive run")
     parser.add_argument("--predictor", default="neural")
     parser.add_argument("--set", metavar="NAME=VALUE", action="append", default=[], help="a setting of interdrive run")
     parser.add_argument("--places", choices="AB", help="only this half of the places")

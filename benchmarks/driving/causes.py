@@ -45,6 +45,8 @@ _CAUSES = {
     "steering rate": "steering",
     "yaw rate": "steering",
 }
+#: Terms of the cost that other participants cause.
+_OF_OTHERS = ("prediction", "distance_to_obstacles", "nearness", "margin")
 #: Those that are limits of the vehicle.
 _LIMITS = ("steering", "acceleration", "lateral acceleration", "negative speed")
 
@@ -184,7 +186,7 @@ class _Moment:
             return "no faster sample", -1
         best = faster[np.nanargmin(found["cost"][faster])]
         term = found["term_names"][int(np.nanargmax(found["terms"][best] - found["terms"][chosen]))]
-        behind = self._behind_a_leader(agent) if term in ("prediction", "distance_to_obstacles") else None
+        behind = self._behind_a_leader(agent) if term in _OF_OTHERS else None
         return behind or (f"cost of {term}", -1)
 
     def _behind_a_leader(self, agent: int) -> tuple[str, int] | None:

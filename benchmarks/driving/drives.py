@@ -16,6 +16,7 @@ from free_way import free
 from pace import paces
 from realism import Samples, samples_of
 
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
 from interdrive.simulation import Simulation, reachable_agents
@@ -128,7 +129,7 @@ def drive(
     predictor: str,
     settings: SimulationSettings,
     *,
-    planner: str = "frenet",
+    planner: str = DEFAULT_PLANNER,
     with_causes: bool = True,
 ) -> Driven:
     """Drives a scenario; `reachable` are the ids of the reachable agents if they are known already."""

@@ -1,7 +1,7 @@
 """Recorded drivers beside planners: which rules of the road they break, what they reach, whether they block each other.
 
     python benchmarks/driving/rules.py                             # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
-    python benchmarks/driving/rules.py --only 'DEU_*' --drivers idm 'frenet, no right of way'
+    python benchmarks/driving/rules.py --only 'DEU_*' --drivers idm 'rollout, no right of way'
 
 Every vehicle that can be an agent is one. Prints a Markdown table; `--rows FILE` lists what was counted, one row each.
 Results do not depend on the number of workers.
@@ -42,9 +42,9 @@ ROOT = Path(__file__).resolve().parents[2]
 EXCESS = 0.1
 #: Name in the table, planner, settings.
 DRIVERS = {
-    "frenet": ("frenet", {}),
-    "frenet, no right of way": ("frenet", {"rules.precedence": False}),
-    "frenet, no rules": ("frenet", {"rules.enabled": False}),
+    "rollout": ("rollout", {}),
+    "rollout, no right of way": ("rollout", {"rules.precedence": False}),
+    "rollout, no rules": ("rollout", {"rules.enabled": False}),
     "idm": ("idm", {}),
     "idm, no right of way": ("idm", {"rules.precedence": False}),
     "idm_mobil": ("idm_mobil", {}),

@@ -35,7 +35,7 @@ def ends(
     paths: list[Path], folder: Path, choices: dict[str, Any], workers: int
 ) -> dict[tuple[str, int], tuple[str, str]]:
     """For every agent under test, by scenario and id: its category and its outcome."""
-    done = batch([str(path) for path in paths], folder, planner="frenet", workers=workers, **choices)
+    done = batch([str(path) for path in paths], folder, workers=workers, **choices)
     lost = sum(count for status, count in done.status.items() if status not in ("finished", "refused"))
     if lost:
         sys.exit(f"{folder}: {lost} runs did not finish")

@@ -50,7 +50,7 @@ def climbing():
     return ground, way, height
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_who_is_seen_on_the_ground_and_expected_on_the_bridge_is_not_in_the_way(planner):
     ground, way, height = climbing()
     lanes = road((ground, 0.0), (way, height))

@@ -49,7 +49,7 @@ def meeting(
     return replace(made, obstacles=obstacles, crosswalks=(2,))
 
 
-def driven(scenario, planner="frenet", **settings):
+def driven(scenario, planner="rollout", **settings):
     """x of the front of the agent [m] and its speed [m/s], and the run."""
     run = idr.simulate(scenario, agents=[1], planner=planner, settings=settings, threads=1)
     row = run.states.participant_id.tolist().index(1)
@@ -76,7 +76,7 @@ def test_an_agent_waits_for_a_person_who_walks_onto_the_crosswalk_and_goes_on_wh
 
 
 def test_the_wait_is_recorded_and_told_as_the_reason():
-    run = driven(meeting(-5.0, 0.5, goal=100))[2]
+    run = driven(meeting(-4.0, 0.5, goal=100))[2]
     orders = run.orders
     assert set(zip(orders.kind, orders.by_id.tolist(), strict=True)) == {("crosswalk", 9)}
     assert np.allclose(orders.stop_s, orders.stop_s[0]) and orders.first_time_step[0] < 30

@@ -16,6 +16,7 @@ from interdrive import (
     read_scenario,
     simulate,
 )
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.planners import NATIVE
 from interdrive.testing import CAR, Car, crossing, problem, straight_road, world
 from recordings import along_x, braking, only, with_recordings
@@ -55,7 +56,7 @@ def follow(kind, velocity, gap, leader_velocities, **options):
 # --- braking in time ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["idm", "idm_mobil", "velocity_adjusting", "frenet"])
+@pytest.mark.parametrize("kind", ["idm", "idm_mobil", "velocity_adjusting", "rollout"])
 def test_a_car_keeps_a_safe_gap_at_any_speed_when_its_leader_brakes_at_8_metres_per_second_squared(kind):
     for velocity in range(41):
         run = follow(kind, float(velocity), 2.0 + velocity, braking(velocity, 8.0, 20, 200))
@@ -142,13 +143,13 @@ def test_beyond_its_end_a_recording_goes_on_along_the_lane_with_its_last_speed()
 
 
 @pytest.mark.parametrize("kind", REPLAYING)
-def test_an_agent_without_recording_is_left_to_frenet_and_refused_if_it_was_named(kind):
+def test_an_agent_without_recording_is_left_to_the_default_and_refused_if_it_was_named(kind):
     agent = problem(60000, 20.0, goal=(110.0, 0.0), time_step=(0, 110))
     scenario = world(straight_road(300.0), cars=[Car(7, 150.0, velocity=10.0)], problems=[agent])
     run = simulate(scenario, agents=[7, 60000], planner=kind, threads=1)
-    assert run.outcomes.planner == (kind, "frenet")
-    assert f"agent 60000 has no recording for planner {kind}: frenet drives it" in run.notes
-    assert run.settings["planner"] == {"7": kind, "60000": "frenet"}
+    assert run.outcomes.planner == (kind, DEFAULT_PLANNER)
+    assert f"agent 60000 has no recording for planner {kind}: {DEFAULT_PLANNER} drives it" in run.notes
+    assert run.settings["planner"] == {"7": kind, "60000": DEFAULT_PLANNER}
     with pytest.raises(InputError, match=f"agent 60000 has no recording, which planner {kind} needs"):
         simulate(scenario, planner={60000: kind}, threads=1)
 

@@ -1,4 +1,4 @@
-"""What the planner `frenet` does in small worlds."""
+"""What the default planner does in small worlds."""
 
 from dataclasses import replace
 

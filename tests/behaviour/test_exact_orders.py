@@ -153,7 +153,7 @@ def test_after_ten_seconds_of_standing_a_smaller_gap_is_taken(metres, goes):
     assert at_a_stop_sign(10.0, 48.0, **patient, **{"rules.impatience": np.inf})[2] == 2, "it is patient"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_left_turn_waits_in_the_junction_before_the_lane_of_oncoming_traffic(planner):
     # The left edge of its strip, 15.65 m around (-15, 15), meets y = 0.65 m after 23.53 degrees of the turn.
     mouth = 65.0 + np.arccos(14.35 / 15.65) * 16.75 - 0.3

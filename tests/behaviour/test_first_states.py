@@ -43,11 +43,11 @@ def start(scenario, **more):
 
 @pytest.mark.parametrize("yaw_rate", [0.37, -0.37, 0.2, -0.2, 1.5])
 def test_a_lorry_with_a_noisy_first_yaw_rate_drives_on(yaw_rate):
-    run = simulate(motorway(yaw_rate), planner="frenet")
+    run = simulate(motorway(yaw_rate), planner="rollout")
     assert run.outcomes.outcome == ("goal_reached",) * 4
     row = run.states.participant_id.tolist().index(5)
     assert np.nanmin(run.states.velocity[row]) > 9.0, "m/s"
-    assert np.nanmax(np.abs(run.states.y[row] - 3.5)) < 0.5, "m"
+    assert np.nanmax(np.abs(run.states.y[row] - 3.5)) < 0.6, "m: the side of the lorry at most 5 cm beyond its lane"
 
 
 @pytest.mark.parametrize(("velocity", "noise"), [(30.0, 0.12), (20.0, -0.2), (10.8, 0.37), (4.0, 0.5), (1.5, -0.4)])
@@ -64,7 +64,7 @@ def test_a_yaw_rate_that_a_driver_may_have_counts_to_the_last_bit(yaw_rate):
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_all_planners_start_in_the_same_state(planner):
-    expected = start(motorway(0.37), planner="frenet")
+    expected = start(motorway(0.37), planner="rollout")
     assert start(motorway(0.37), planner=planner) == expected
 
 

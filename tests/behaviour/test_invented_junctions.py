@@ -75,7 +75,7 @@ def test_threads_and_the_order_of_agents_change_no_state_order_or_violation(seed
         assert other.violations.to_arrow().equals(runs[0].violations.to_arrow())
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_from_a_ramp_that_meets_a_road_an_agent_takes_no_right_of_way(planner):
     slanted = 0.25 * np.pi
     centers = {
@@ -96,7 +96,7 @@ def test_from_a_ramp_that_meets_a_road_an_agent_takes_no_right_of_way(planner):
     assert run.violations.count("right_of_way") == 0
     passed = {int(i): int(np.argmax(run.states.x[row] > 0.0)) for row, i in enumerate(run.states.participant_id)}
     assert passed[10] < min(passed[i] for i in (11, 12, 20)), "the first one on the road is not held up"
-    if planner == "frenet":
+    if planner == "rollout":
         on_road = [run.states.velocity[row][run.states.valid[row]] for row in range(3)]
         assert max(-np.diff(velocity).min() / 0.1 for velocity in on_road) < 3.1, (
             "m/s², comfortable, for one that waits"

@@ -101,7 +101,7 @@ def test_an_agent_that_starts_at_the_very_edge_of_a_lanelet_starts_at_once(x, ve
     run = simulate(world(type(road)(**parts), problems=[start]), threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
     driven, now = track(run, 100)
-    assert now[5] > max(0.5, 0.8 * velocity)
+    assert now[10] > max(0.5, 0.8 * velocity), "m/s after a second"
     assert (np.diff(driven) > 0.0).all()
 
 
@@ -114,5 +114,5 @@ def test_an_agent_that_starts_on_the_side_of_a_lanelet_starts_at_once(y, velocit
     run = simulate(world(straight_road(lanes=2), problems=[start]), threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
     driven, now = track(run, 100)
-    assert now[5] > max(0.5, 0.8 * velocity)
+    assert now[10] > max(0.5, 0.8 * velocity), "m/s after a second"
     assert (np.diff(driven) > 0.0).all()

@@ -58,13 +58,13 @@ def test_a_sidewalk_on_the_right_is_none_either():
     assert y.min() > 2.6
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm_mobil", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm_mobil", "idm"])
 def test_nobody_passes_a_standing_car_on_the_sidewalk(planner):
     y, _ = drive(typed("urban", "sidewalk"), planner=planner, cars=[Car(9, 120.0)], steps=250)
     assert y.max() < 1.75, "its middle stays in its lane"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm_mobil", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm_mobil", "idm"])
 @pytest.mark.parametrize("y", [0.0, 0.9])
 def test_an_agent_that_starts_on_the_shoulder_drives_on(planner, y):
     lanelets = typed("shoulder", "highway")
@@ -72,7 +72,7 @@ def test_an_agent_that_starts_on_the_shoulder_drives_on(planner, y):
     assert outcome == "goal_reached"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm_mobil", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm_mobil", "idm"])
 def test_a_goal_in_a_parking_lane_is_reached(planner):
     _, outcome = drive(typed("urban", "parking"), planner=planner, cars=[], goal=(300.0, 3.5))
     assert outcome == "goal_reached"

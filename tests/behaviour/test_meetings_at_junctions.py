@@ -77,7 +77,7 @@ def test_two_opposite_left_turns_pass_each_other_at_once():
     assert told(world(wide_cross(), problems=problems)) == {1: FREE, 2: FREE}
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_left_turn_waits_for_oncoming_traffic(planner):
     problems = [
         turning(1, -40.0, -1.75, 0.0, (1.75, 50.0), NORTH),
@@ -127,7 +127,7 @@ def test_an_agent_waits_for_a_replayed_car_that_turns_left_although_it_should_ha
     assert simulation.world.view(simulation.world.scene(), 1).ego.stop_by == 2
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "idm_mobil"])
 def test_two_queues_merge_without_contact(planner):
     centers = {
         1: straight((-100.0, 0.0), (0.0, 0.0)),

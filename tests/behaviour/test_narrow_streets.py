@@ -63,7 +63,7 @@ def length_of_the_street(run):
     return 2.0 * (150.0 - run.orders.stop_s.max()) + 0.6
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_the_one_with_the_lower_id_passes_and_the_other_one_waits_before_the_mouth(planner):
     run, (first, second) = driven([car(1, 1.0), car(2, -1.0)], planner)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
@@ -73,7 +73,7 @@ def test_the_one_with_the_lower_id_passes_and_the_other_one_waits_before_the_mou
     assert speed[left - 20] < 0.1 < speed[left + 10], "it moves at most 1 s after the first one has left"
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_third_one_that_arrives_later_waits_for_the_one_at_the_other_end(planner):
     run, fronts = driven([car(1, 1.0), car(2, -1.0), car(3, 1.0, START + 9.5)], planner)
     assert all(outcome.startswith("goal_reached") for outcome in run.outcomes.outcome)
@@ -81,7 +81,7 @@ def test_a_third_one_that_arrives_later_waits_for_the_one_at_the_other_end(plann
     assert entered[0] < entered[1] < entered[2]
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_third_one_follows_the_first_through_if_the_one_at_the_other_end_arrives_later(planner):
     run, fronts = driven([car(1, 1.0), car(2, -1.0, START + 25.0), car(3, 1.0, START + 9.5)], planner)
     assert run.outcomes.outcome == ("goal_reached",) * 3
@@ -93,7 +93,7 @@ def test_a_third_one_follows_the_first_through_if_the_one_at_the_other_end_arriv
 
 def test_a_street_that_cannot_be_seen_through_is_approached_slowly():
     # At 80 m the cars see each other when neither could stop any more.
-    run, fronts = driven([car(1, 1.0), car(2, -1.0)], "frenet", street(half=20.0, taper=16.0))
+    run, fronts = driven([car(1, 1.0), car(2, -1.0)], "rollout", street(half=20.0, taper=16.0))
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     length = length_of_the_street(run)
     assert 58.0 < length < 62.0, "m: it is seen through before the mouth, but not from 5 m before it"

@@ -92,7 +92,7 @@ def test_a_planner_is_told_of_every_barrier_and_of_the_hardest_one():
     line = StopLine(1, np.array([[20.0, 1.75], [20.0, -1.75]]), ((1, (7,)),))
     red = (TrafficLight(7, (("red", 900), ("green", 100))),)
     scenario = replace(scenario, stop_lines=(line,), traffic_lights=red)
-    idr.simulate(scenario, agents="all", planner={1: "frenet", 2: Reader()}, settings=RULES, threads=1)
+    idr.simulate(scenario, agents="all", planner={1: "rollout", 2: Reader()}, settings=RULES, threads=1)
     ego = Reader.seen[0]
     found = ego.barriers
     front = ego.s + ego.vehicle.rear_axle_to_center + HALF

@@ -86,7 +86,7 @@ def test_a_car_in_the_lane_beside_is_not_in_front():
     assert np.isinf(found["hw"][0, 0])
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 @pytest.mark.parametrize("lanes", [1, 2])
 @pytest.mark.parametrize("n", [1, 2, 3, 12])
 def test_a_goal_behind_the_seam_and_one_behind_the_start_are_reached(n, lanes, planner):

@@ -52,7 +52,7 @@ def test_a_red_light_holds_and_a_green_one_lets_go(tmp_path, planner):
     assert broken(run) == []
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_without_the_rule_the_red_light_is_run_and_the_violation_is_recorded(tmp_path, planner):
     run = idr.simulate(road(tmp_path), planner=planner, settings={"rules.lights": False}, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)

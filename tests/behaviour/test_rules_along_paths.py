@@ -127,13 +127,13 @@ def test_it_keeps_to_the_limit_behind_the_line(tmp_path, planner_of, name, chang
 def test_the_monitor_sees_who_passes_the_red_light_of_its_lane(tmp_path, change, to_left):
     light = cr.traffic_light(901, ("red", 250), ("green", 600))
     run = simulate(
-        road(tmp_path, change, to_left, control=RED, content=light), planner="frenet", threads=1,
+        road(tmp_path, change, to_left, control=RED, content=light), planner="rollout", threads=1,
         settings={"rules.enabled": False},
     )  # fmt: skip
     assert run.violations.rule.count("red_light") == 1
 
 
-@pytest.mark.parametrize("name", ["frenet", "idm", "obeys"])
+@pytest.mark.parametrize("name", ["rollout", "idm", "obeys"])
 @every_change
 @either_way
 def test_it_waits_for_a_person_on_the_crosswalk_behind_the_line(tmp_path, planner_of, name, change, to_left):
@@ -183,7 +183,7 @@ def crossing(folder, change, to_left, shift):
     return read_scenario(cr.saved(folder, cr.document(content, lanelets=found)))
 
 
-@pytest.mark.parametrize("name", ["frenet", "idm"])
+@pytest.mark.parametrize("name", ["rollout", "idm"])
 @pytest.mark.parametrize("change", [None, "before"])
 @pytest.mark.parametrize("shift", [0.5 * k for k in range(-5, 6)])
 def test_nobody_touches_and_the_car_with_the_sign_waits(tmp_path, planner_of, name, change, shift):

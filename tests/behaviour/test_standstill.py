@@ -68,7 +68,7 @@ class Polite:
         )
 
 
-@pytest.mark.parametrize("planner", ["idm", "frenet"])
+@pytest.mark.parametrize("planner", ["idm", "rollout"])
 def test_an_agent_that_stands_before_a_wall_for_a_minute_ends_the_run_with_a_reason(planner):
     run = drive(walled(), planner)
     outcome, time = ends(run)[100]
@@ -126,7 +126,7 @@ def test_two_agents_that_let_each_other_go_first_end_together():
 def test_an_agent_that_waits_90_s_at_a_red_light_goes_on_when_it_is_green():
     line = StopLine(1, np.array([[100.0, 1.75], [100.0, -1.75]]), ((1, (5,)),))
     light = TrafficLight(5, (("red", 1000), ("green", 300)))
-    run = drive(replace(road(agent(x=70.0, velocity=5.0)), traffic_lights=(light,), stop_lines=(line,)), "frenet")
+    run = drive(replace(road(agent(x=70.0, velocity=5.0)), traffic_lights=(light,), stop_lines=(line,)), "rollout")
     stood = 0.1 * (np.abs(run.states.velocity[0]) < 0.05).sum()
     assert stood > 85.0, "s"
     assert run.outcomes.outcome == ("goal_reached",)
@@ -136,7 +136,7 @@ def test_a_light_that_is_red_for_ever_releases_nobody():
     line = StopLine(1, np.array([[100.0, 1.75], [100.0, -1.75]]), ((1, (5,)),))
     light = TrafficLight(5, (("red", 400), ("red", 600)))
     outcome, time = ends(
-        drive(replace(road(agent(x=70.0, velocity=5.0)), traffic_lights=(light,), stop_lines=(line,)), "frenet")
+        drive(replace(road(agent(x=70.0, velocity=5.0)), traffic_lights=(light,), stop_lines=(line,)), "rollout")
     )[100]
     assert outcome == "time_limit"
     assert time < 80.0, "s"

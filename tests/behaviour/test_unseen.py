@@ -36,7 +36,7 @@ def corner(away, *, cars=(), time=250):
     return replace(scenario, obstacles=obstacles)
 
 
-def drive(scenario, planner="frenet", settings=None):
+def drive(scenario, planner="rollout", settings=None):
     settings = {"view.occlusion": True} | (settings or {})
     return idr.simulate(scenario, planner=planner, settings=settings, threads=1, agents=[1])
 

@@ -20,7 +20,7 @@ from invented_run import invented_run
 
 from interdrive import files, simulation
 from interdrive.cli import main
-from interdrive.config.plugins import Choice
+from interdrive.config.plugins import DEFAULT_PLANNER, Choice
 from interdrive.errors import InputError
 from interdrive.results import read_results, save
 from interdrive.runs import RunInterrupted
@@ -424,9 +424,9 @@ def test_a_real_run_with_a_planner_per_agent_is_the_same_again(real):
     done = python(*options)
     assert done.returncode == 0, done.stderr
     made = read_results("made")
-    assert made.outcomes["planner"].to_pylist() == ["frenet", "mine:Straight", "frenet"]
+    assert made.outcomes["planner"].to_pylist() == [DEFAULT_PLANNER, "mine:Straight", "frenet"]
     assert made.info["settings"]["planner"] == {
-        "1": "frenet",
+        "1": DEFAULT_PLANNER,
         "3": {"planner": "mine:Straight", "share": 0.97},
         "4": {"planner": "frenet", "level": 1},
     }

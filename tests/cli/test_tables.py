@@ -84,7 +84,7 @@ def heading(*arguments):
 
 
 def test_a_run_without_collisions_has_no_columns_about_them(tmp_path):
-    assert heading("run", "t_junction", "--out", tmp_path / "run") == ["agent", "outcome", "time", "[s]"]
+    assert heading("run", "lane_merge", "--out", tmp_path / "run") == ["agent", "outcome", "time", "[s]"]
 
 
 def test_the_score_of_agents_without_a_fault_has_no_why_and_without_a_limit_no_speed(folder):

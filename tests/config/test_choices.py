@@ -15,7 +15,7 @@ from drivers import Straight
 from interdrive import ConstantVelocity, Frenet, InputError, Simulation, SimulationSettings, ViewSettings
 from interdrive.cli import main
 from interdrive.config.binding import bind
-from interdrive.config.plugins import Choice, read_choice
+from interdrive.config.plugins import DEFAULT_PLANNER, Choice, read_choice
 from interdrive.config.specs import read_planner
 from interdrive.planners import PlannerSettings
 from interdrive.results import read_results
@@ -150,10 +150,10 @@ def test_what_set_says_holds_for_planners_that_are_named_but_not_for_records():
 
 
 def test_what_an_agent_is_not_told_is_as_in_the_settings_of_the_run():
-    settings = bind(SimulationSettings(), {"planner.frenet.horizon": 2.0, "view.sensor_radius": 60.0})
-    made = simulation({100: "frenet,level=1,view.sensor_radius=40"}, settings=settings)
+    settings = bind(SimulationSettings(), {"planner.rollout.horizon": 2.0, "view.sensor_radius": 60.0})
+    made = simulation({100: "rollout,margin_width=0.2,view.sensor_radius=40"}, settings=settings)
     run = made.record().settings
-    assert run["planner"] == {"100": {"planner": "frenet", "level": 1}, "200": "frenet"}
+    assert run["planner"] == {"100": {"planner": "rollout", "margin_width": 0.2}, "200": DEFAULT_PLANNER}
     assert list(run["views"]) == ["100"]
     assert run["views"]["100"]["sensor_radius"] == 40.0
     made.step()
@@ -230,9 +230,9 @@ def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     made = read_results("made").info["settings"]
     assert made["planner"]["1001"] == {"planner": "idm", "time_gap": 2.0}
-    assert made["planner"]["1002"] == {"planner": "frenet", "weights.prediction": 0.5}
+    assert made["planner"]["1002"] == {"planner": "rollout", "weights.offset": 1.0}
     assert made["views"] == {"1001": {"sensor_radius": 40.0, "occlusion": True}}
-    assert made["settings"]["planner.frenet.level"] == 1
+    assert made["settings"]["planner.rollout.horizon"] == 4.0
     for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
         exec(compile(example, "docs", "exec", dont_inherit=True), {"__name__": "example"})
 
@@ -274,7 +274,7 @@ def test_a_planning_problem_may_be_named_by_its_own_id():
         problems=[problem(100, 20.0, velocity=6.0, goal=(90.0, 0.0), time_step=(0, 90))],
     )
     made = Simulation(scenario, agents=[100, 9], planner={100: "drivers:Straight"}, threads=1)
-    assert made.record().settings["planner"] == {"7": "drivers:Straight", "9": "frenet"}
+    assert made.record().settings["planner"] == {"7": "drivers:Straight", "9": DEFAULT_PLANNER}
     with pytest.raises(InputError, match="agent 7: a planner is given for it twice"):
         Simulation(scenario, agents=[100, 9], planner={100: "frenet", 7: "frenet"}, threads=1)
 

@@ -18,7 +18,7 @@ MCM = SERVICES.index("mcm")
 def folder(tmp_path_factory):
     settings = {"v2x.penetration": 1.0, "v2x.negotiate": True, "rules.precedence": False}
     settings |= {"record.messages": "links", "step.max_steps": 200}
-    run = simulate(four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=1)
+    run = simulate(four_arms(), planner="rollout", predictor="lane_following", settings=settings, threads=1)
     return save(run, tmp_path_factory.mktemp("v2x") / "run")
 
 
@@ -62,7 +62,7 @@ def test_the_page_has_links_bars_and_events_of_agreements(folder):
 
 def test_the_page_says_what_to_record_if_messages_are_missing(tmp_path):
     settings = {"v2x.penetration": 1.0, "step.max_steps": 3}
-    run = simulate(four_arms(), planner="frenet", predictor="lane_following", settings=settings, threads=1)
+    run = simulate(four_arms(), planner="rollout", predictor="lane_following", settings=settings, threads=1)
     header = run_contents(save(run, tmp_path / "run")).header
     assert "link_rows" not in header["arrays"]
     assert any(m["what"] == "links" and "record.messages=links" in m["text"] for m in header["missing"])

@@ -32,7 +32,7 @@ def at_a_line(*phases, cars=(), lines=None, speed=10.0, x=50.0, until=160):
     )
 
 
-def told(scenario, planner="frenet", **settings):
+def told(scenario, planner="rollout", **settings):
     """The whole story of agent 1, as one text."""
     run = simulate(scenario, agents=[1], planner=planner, settings=settings, threads=1)
     return "\n".join(story(run, 1))
@@ -115,7 +115,7 @@ def test_of_two_lights_the_red_one_is_named_though_a_green_one_is_nearer():
     assert f"slowing before {RED}" in text and f"standing at {RED}" in text
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_stop_sign_is_named(planner):
     text = told(at_a_line(lines=(replace(line(), light_ids=(), has_stop_sign=True),)), planner)
     assert "slowing before a stop sign (stop line of lanelet 1), from " in text

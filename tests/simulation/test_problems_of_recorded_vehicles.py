@@ -29,7 +29,7 @@ def test_a_problem_whose_vehicle_enters_later_in_the_same_state_is_that_vehicle(
     assert "planning problem 100 starts where recorded vehicle 7 enters at time step 29: they are one agent" in notes
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_it_is_not_rammed_by_its_own_recording(planner):
     """The agent starts behind a slow car, so that its own recording would come from behind."""
     late, slow = Car(7, x=20.0, velocity=15.0, first=20), Car(8, x=60.0, velocity=4.0)

@@ -39,7 +39,7 @@ class Looking(Straight):
 
 def looks(settings=None):
     looking = Looking()
-    planner = {100: lambda: looking, "default": "frenet"}
+    planner = {100: lambda: looking, "default": "rollout"}
     run = simulate(two_lanes(), agents=[100, 200], planner=planner, settings=settings, threads=1)
     return looking.views, run
 
@@ -160,7 +160,7 @@ def test_the_same_run_has_the_same_bits(change):
 
 def test_all_candidates_of_a_plan_can_be_recorded_with_their_reasons():
     settings = SimulationSettings(record=RecordSettings(candidates=10_000))
-    simulation = Simulation(two_lanes(), agents=[200], settings=settings, threads=1)
+    simulation = Simulation(two_lanes(), agents=[200], planner="frenet", settings=settings, threads=1)
     simulation.step()
     kept = simulation.record().candidates
     # 8 end times, 10 end speeds and 9 offsets (the present one, 0, is on the grid); stops and braking come on top.

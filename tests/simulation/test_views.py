@@ -74,7 +74,7 @@ def expected_appearance():
     raise AssertionError
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm"])
+@pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_a_native_planner_plans_as_if_the_hidden_car_were_not_there(planner):
     def first_plan(scenario, **values):
         plans = simulate(scenario, agents=[AGENT], planner=planner, settings=settings(**values), threads=1).plans
@@ -82,7 +82,7 @@ def test_a_native_planner_plans_as_if_the_hidden_car_were_not_there(planner):
 
     hidden = first_plan(corner(), view__occlusion="true", rules__unseen="false")
     assert np.array_equal(hidden, first_plan(corner(other=False)))
-    if planner == "frenet":
+    if planner == "rollout":
         assert not np.array_equal(hidden, first_plan(corner()))
     careful = first_plan(corner(), view__occlusion="true")
     assert np.array_equal(careful, first_plan(corner(other=False), view__occlusion="true"))

@@ -28,7 +28,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     "--planner",
     metavar="PLANNER[,NAME=VALUE...][,PLANNER...]",
     multiple=True,
-    help="Planners under test (frenet); each is run on every scenario.",
+    help="Planners under test (rollout); each is run on every scenario.",
 )
 @click.option(
     "--predictor", metavar="PREDICTOR[,...]", multiple=True, help="Predictors (neural); each is run on every scenario."

@@ -40,14 +40,14 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--planner",
     metavar="PLANNER[,NAME=VALUE...]",
-    help="Planner of the agents: frenet (default), another one listed by `interdrive planners`, or module:object.",
+    help="Planner of the agents: rollout (default), another one listed by `interdrive planners`, or module:object.",
 )
 @click.option(
     "--agent",
     "by_agent",
     metavar="ID=PLANNER[,NAME=VALUE...]",
     multiple=True,
-    help="Planner, settings or view of one agent, for instance 5=frenet,level=1,view.sensor_radius=40.",
+    help="Planner, settings or view of one agent, for instance 5=rollout,horizon=4,view.sensor_radius=40.",
 )
 @click.option(
     "--predictor",

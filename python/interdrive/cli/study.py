@@ -9,6 +9,7 @@ import click
 
 from interdrive.cli.arguments import assigned, claimed_folder, named_files, raw_option, shown
 from interdrive.config.binding import bind
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -27,7 +28,9 @@ class _Target(NamedTuple):
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option(
-    "--planner", metavar="NAME", default="frenet", help="Planner of the agent and of the interactive other vehicle."
+    "--planner",
+    metavar="NAME",
+    help="Planner of the agent and of the interactive other vehicle (rollout; with runtime frenet).",
 )
 @click.option("--predictor", metavar="NAME", help="Predictor (neural; with runtime lane_following).")
 @click.option(
@@ -53,7 +56,7 @@ def study(
     what: str,
     agent: int | None,
     other: int | None,
-    planner: str,
+    planner: str | None,
     predictor: str | None,
     assignments: tuple[str, ...],
     raw: bool,
@@ -124,7 +127,7 @@ def study(
                     case.scenario,
                     agent=case.agent,
                     other=case.other,
-                    planner=planner,
+                    planner=planner or DEFAULT_PLANNER,
                     predictor=predictor or "neural",
                     settings=settings,
                     threads=threads,
@@ -140,7 +143,7 @@ def study(
 
 def _cooperation(
     seeds: int,
-    planner: str,
+    planner: str | None,
     predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
@@ -175,7 +178,7 @@ def _cooperation(
             files,
             cooperation_variants(quick=quick),
             seeds=1 if quick else seeds,
-            planner=planner,
+            planner=planner or DEFAULT_PLANNER,
             predictor=predictor or "neural",
             settings=settings,
             threads=threads,
@@ -201,7 +204,7 @@ class _Asked(NamedTuple):
 
 def _runtime(
     asked: _Asked,
-    planner: str,
+    planner: str | None,
     predictor: str | None,
     assignments: tuple[str, ...],
     threads: int | None,
@@ -241,7 +244,7 @@ def _runtime(
             steps=asked.steps or (10 if quick else 50),
             repetitions=asked.repetitions or (1 if quick else 3),
             threads=threads,
-            planner=planner,
+            planner=planner or "frenet",
             settings=settings,
             on_run=report.counted,
             notes=notes,

@@ -83,9 +83,9 @@ class ComparedSet:
 def rows_of(table: ArrowTable) -> Rows:
     """The rows of a batch that planners are judged by, as numpy arrays, with `unable`.
 
-    A planner that cannot drive an agent has no row for it: where `frenet` drove a vehicle without recording in place of
-    a planner that follows recordings, the agent is not under test but `unable`. Replayed humans do not react, so the
-    planner `recorded` has rows among replayed traffic only.
+    A planner that cannot drive an agent has no row for it: where the default planner drove a vehicle without recording
+    in place of a planner that follows recordings, the agent is not under test but `unable`. Replayed humans do not
+    react, so the planner `recorded` has rows among replayed traffic only.
 
     Raises:
         ResultsError: There are no others.

@@ -140,7 +140,7 @@ def agent_configs(
 ) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
-    An agent without a recording is driven by `frenet` where the planner of all agents replays recordings.
+    An agent without a recording is driven by `rollout` where the planner of all agents replays recordings.
 
     Args:
         config: Planners of the run.

@@ -197,7 +197,7 @@ def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice
     Args:
         spec: The specification.
         usual: Settings of native planners where the specification states none.
-        default: To which a choice that names no planner adds its settings; None: `frenet`.
+        default: To which a choice that names no planner adds its settings; None: the default planner.
 
     Raises:
         InputError: The name or setting is unknown (the message names the nearest valid one), a value does not fit, or

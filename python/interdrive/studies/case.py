@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import settings_of
 from interdrive.config.specs import read_planner, read_predictor
 from interdrive.errors import InputError
@@ -26,7 +27,7 @@ def case_study(
     *,
     agent: int,
     other: int,
-    planner: PlannerSpec = "frenet",
+    planner: PlannerSpec = DEFAULT_PLANNER,
     predictor: PredictorSpec = "neural",
     settings: SettingsSpec | None = None,
     threads: int | None = None,

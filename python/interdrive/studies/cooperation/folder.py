@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from interdrive.config.binding import flatten
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import SimulationSettings
 from interdrive.plots import save_figure
 from interdrive.results import software
@@ -61,7 +62,7 @@ def save_cooperation(study: CooperationStudy, folder: str | Path, *, overwrite: 
 def _origin(study: CooperationStudy) -> Origin:
     usual = flatten(SimulationSettings())
     settings = {name: value for name, value in study.settings.items() if value != usual.get(name)}
-    chosen = {"planner": (study.planner, "frenet"), "predictor": (study.predictor, "neural")}
+    chosen = {"planner": (study.planner, DEFAULT_PLANNER), "predictor": (study.predictor, "neural")}
     settings |= {name: value for name, (value, default) in chosen.items() if value != default}
     return Origin(settings, study.inputs)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.config.binding import bind, flatten
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.specs import read_planner, read_predictor
 from interdrive.criticality import evaluate
 from interdrive.files import open_scenario
@@ -91,7 +92,7 @@ def cooperation_study(
     variants: Sequence[Variant],
     *,
     seeds: int = 2,
-    planner: str = "frenet",
+    planner: str = DEFAULT_PLANNER,
     predictor: str = "neural",
     settings: SimulationSettings,
     threads: int | None = None,
