@@ -63,7 +63,7 @@ const LIMITS: [(&str, [usize; 2], f64); 5] = [
     ("predict", [402, 402], 8.1),
     ("predict, neural,", [19, 21], 0.1),
     // About 32 for every plan: proposals are stored until the search ends.
-    ("plan", [808, 815], 33.0),
+    ("plan", [808, 808], 33.0),
     ("step", [7, 8], 0.2),
 ];
 
