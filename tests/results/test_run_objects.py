@@ -58,7 +58,7 @@ def test_a_notebook_shows_the_measures_of_an_evaluation():
 
 def test_a_notebook_shows_the_table_of_a_case_study():
     study = idr.case_study("lane_merge", agent=2001, other=1004, settings={"step.max_steps": 3})
-    assert repr(study) == "<CaseStudy of lane_merge: agent 2001, other 1004, planner frenet>"
+    assert repr(study) == "<CaseStudy of lane_merge: agent 2001, other 1004, planner rollout>"
     assert study._repr_html_().count("<tr>") == 1 + 3
 
 

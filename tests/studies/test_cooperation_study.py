@@ -24,7 +24,7 @@ def study_of(*rows):
     kinds = {"label": "", "truth": False}
     whole = [{column.name: row.get(column.name, kinds.get(column.kind, 0)) for column in COLUMNS} for row in rows]
     table = arrow_table(COLUMNS, {column.name: [row[column.name] for row in whole] for column in COLUMNS})
-    return CooperationStudy(table, "frenet", "neural", MappingProxyType({}), ())
+    return CooperationStudy(table, "rollout", "neural", MappingProxyType({}), ())
 
 
 def test_shares_delays_and_losses_span_what_is_asked():

@@ -81,9 +81,9 @@ def test_there_is_a_run_for_every_degree_in_which_nobody_but_the_two_plans(study
 def test_each_degree_has_its_planner_for_the_other_vehicle(study):
     planners = [(row["degree"], row["planner"], row["other_planner"]) for row in study.table.to_pylist()]
     assert planners == [
-        ("deterministic", "frenet", "recorded"),
-        ("semi_deterministic", "frenet", "velocity_adjusting"),
-        ("interactive", "frenet", "frenet"),
+        ("deterministic", "rollout", "recorded"),
+        ("semi_deterministic", "rollout", "velocity_adjusting"),
+        ("interactive", "rollout", "rollout"),
     ]
 
 
@@ -317,7 +317,7 @@ def test_the_folder_holds_tables_runs_and_figures(studies, tmp_path):
         assert (inside / "scenes.pdf").read_bytes().startswith(b"%PDF")
     cases = json.loads((folder / "study.json").read_text())["cases"]
     assert [case["folder"] for case in cases] == [study.name for study in studies.values()]
-    assert {(case["planner"], case["predictor"]) for case in cases} == {("frenet", "neural")}
+    assert {(case["planner"], case["predictor"]) for case in cases} == {("rollout", "neural")}
 
 
 def test_a_saved_run_of_a_study_can_be_verified(studies, tmp_path):
@@ -381,7 +381,7 @@ def here(tmp_path, monkeypatch):
 def test_without_recorded_scenarios_a_known_study_is_the_shipped_one_and_says_so(here):
     done = invoke("merge")
     assert done.exit_code == 0, done.output
-    assert "lane_merge: agent 2001 (frenet), other vehicle 1004" in done.stdout
+    assert "lane_merge: agent 2001 (rollout), other vehicle 1004" in done.stdout
     assert "note: merge/ZAM_Zip-1_56_T-1.xml is left out: INTERDRIVE_SCENARIOS does not name its folder" in done.stdout
     assert "results in out/study_merge" in done.stdout
     assert "…" not in done.stdout  # nothing is cut off

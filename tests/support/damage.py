@@ -166,7 +166,7 @@ DAMAGES = (
         "half of the states of an older run",
         "states",
         _half,
-        "time_step: 13 in row 0 is not in",
+        "time_step: 15 in row 0 is not in",
         "outcomes",
         counted=False,
     ),

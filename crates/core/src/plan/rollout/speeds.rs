@@ -29,6 +29,9 @@ const PREVIEW: f64 = 0.65;
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
 const OPENING: f64 = 0.7;
+/// Closing in by more than this [m/s], it brakes harder by this for every m/s [1/s], up to what Gipps asks for.
+const CLOSING_IN: f64 = 5.0;
+const CLOSING_GAIN: f64 = 2.0;
 /// An agent that closes in on what moves keeps this share of the gap to a standing leader, and at least some room [m].
 const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
@@ -213,7 +216,9 @@ fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &
     let closing = (velocity - leader).max(0.0);
     let kept = if leader > 0.0 { CLOSEST * gap } else { gap };
     let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
-    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - OPENING);
+    // A leader that is so much slower may be braking hard: what suffices if it goes on like that comes too late.
+    let opening = OPENING + CLOSING_GAIN * (closing - CLOSING_IN).max(0.0);
+    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening);
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
     if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
