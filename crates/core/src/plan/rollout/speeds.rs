@@ -19,8 +19,8 @@ const EXCESS: f64 = 1.0;
 const NEEDED_BRAKING: f64 = 2.5;
 /// Nor is that of an agent that exceeds the speed limit by more than this [m/s], which the monitor counts as speeding.
 const SPEEDING: f64 = 0.5;
-/// Who is much too fast brakes towards the desired speed with at most this [m/s²].
-const SLOWING: f64 = 4.0;
+/// Who is much too fast brakes towards the desired speed with at most `BRAKING_SHARE` times this, 3 m/s² [m/s²].
+const SLOWING: f64 = 2.3;
 /// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
 const NEEDED_SHARE: f64 = 0.6;
 /// Curves and limits are looked at so far ahead [s].
