@@ -54,7 +54,7 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let way = request.rules.way;
     conflicts.collect(request, &ego, n_points, request.barriers(way, start.s));
     let cornering = request.vehicle.cornering(settings.lateral_acceleration);
-    speed_profile.fill(path, &way.limits, (start.s, ego.reach), cornering, law.deceleration);
+    speed_profile.fill(path, (&way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
     let wish = settings.goal_velocity(request, &start);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)));

@@ -101,7 +101,7 @@ pub(super) fn plan(
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
-    speed_profile.fill(&lane.path, &lane.way.limits, (start.s, ego.reach), cornering, law.deceleration);
+    speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
     let need = lane.need(start.s);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));

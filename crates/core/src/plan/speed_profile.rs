@@ -14,11 +14,11 @@ pub(super) struct SpeedProfile {
 }
 
 impl SpeedProfile {
-    /// From arc length `s` over `reach` [m].
+    /// From arc length `s` over `reach` [m]; limits count so far ahead [m].
     pub(super) fn fill(
         &mut self,
         path: &ReferencePath,
-        limits: &SpeedLimits,
+        (limits, ahead): (&SpeedLimits, f64),
         (s, reach): (f64, f64),
         lateral_acceleration: f64,
         deceleration: f64,
@@ -29,8 +29,8 @@ impl SpeedProfile {
         for i in 0..n {
             let at = s + i as f64 * SPACING;
             let curve = (lateral_acceleration / path.curvature_at(at).abs().max(1e-9)).sqrt();
-            let beyond = at > path.length();
-            self.values.push(if beyond { limits.at(at) } else { curve.min(limits.at(at)) });
+            let (limit, beyond) = (limits.at(at + ahead), at > path.length());
+            self.values.push(if beyond { limit } else { curve.min(limit) });
         }
         self.brake(deceleration);
     }
@@ -81,7 +81,7 @@ mod tests {
         points.extend(arc((60.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0).into_iter().skip(1));
         let path = ReferencePath::through(&points).expect("a path");
         let mut profile = SpeedProfile::default();
-        profile.fill(&path, &SpeedLimits::default(), (0.0, 90.0), 2.0, 1.5);
+        profile.fill(&path, (&SpeedLimits::default(), 0.0), (0.0, 90.0), 2.0, 1.5);
         let bend = 40_f64.sqrt();
         assert!((profile.at(75.0) - bend).abs() < 0.2, "{}", profile.at(75.0));
         // 40 m before the bend: sqrt(40 + 2 * 1.5 * 40)
@@ -92,7 +92,7 @@ mod tests {
     fn whoever_is_too_fast_for_any_road_looks_no_further_than_its_end() {
         let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
         let mut profile = SpeedProfile::default();
-        profile.fill(&path, &SpeedLimits::uniform(8.0), (0.0, 1e12), 2.0, 1.5);
+        profile.fill(&path, (&SpeedLimits::uniform(8.0), 0.0), (0.0, 1e12), 2.0, 1.5);
         assert!(profile.values.len() < 60);
         assert_eq!(profile.at(1e9), 8.0);
     }

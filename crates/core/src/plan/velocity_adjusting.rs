@@ -98,7 +98,13 @@ pub(super) fn plan(
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, Barriers::NONE);
-    speed_profile.fill(path, &SpeedLimits::default(), (start.s, ego.reach), LATERAL_ACCELERATION, law.deceleration);
+    speed_profile.fill(
+        path,
+        (&SpeedLimits::default(), 0.0),
+        (start.s, ego.reach),
+        LATERAL_ACCELERATION,
+        law.deceleration,
+    );
     let clock = recorded_path.clock(request.time_step);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let now = clock + point as f64;

@@ -17,8 +17,9 @@ const BRAKING_SHARE: f64 = 1.3;
 const EXCESS: f64 = 1.0;
 /// The jerk of braking that is harder than this is not limited [m/s²]: barriers are told as long as 3 m/s² suffice.
 const NEEDED_BRAKING: f64 = 2.5;
-/// Nor is that of an agent that exceeds the speed limit by more than this [m/s], which the monitor counts as speeding.
-const SPEEDING: f64 = 0.5;
+/// An agent whose centre exceeds the speed limit by more than this [m/s] brakes at once, with at least this [m/s²]. The
+/// monitor counts it as speeding otherwise.
+const SPEEDING: (f64, f64) = (0.5, 1.2);
 /// Who is much too fast brakes towards the desired speed with at most `BRAKING_SHARE` times this, 3 m/s² [m/s²].
 const SLOWING: f64 = 2.3;
 /// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
@@ -123,7 +124,9 @@ impl<'a> Task<'a> {
         let (path, vehicle) = (&request.route.path, request.vehicle);
         let reach = REACH.0 + REACH.1 * start.velocity;
         let cornering = vehicle.cornering(comfort.lateral_acceleration);
-        profile.fill(path, &request.rules.way.limits, (start.s, reach), cornering, comfort.deceleration);
+        // Limits count at the vehicle's centre.
+        let limits = (&request.rules.way.limits, vehicle.rear_axle_to_center);
+        profile.fill(path, limits, (start.s, reach), cornering, comfort.deceleration);
         profile.steer(path, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
     }
 }
@@ -239,8 +242,8 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     let mut before = task.acceleration();
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
-        let wanted = law(point, s, velocity);
-        let is_speeding = velocity > limits.at(s) + SPEEDING;
+        let is_speeding = velocity > limits.at(s + vehicle.rear_axle_to_center) + SPEEDING.0;
+        let wanted = law(point, s, velocity).min(if is_speeding { -SPEEDING.1 } else { f64::INFINITY });
         let lowest =
             if is_speeding || wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
         let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
