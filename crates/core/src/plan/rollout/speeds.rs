@@ -220,7 +220,8 @@ fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &
     let kept = if leader > 0.0 { CLOSEST * gap } else { gap };
     let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
     // A leader that is so much slower may be braking hard: what suffices if it goes on like that comes too late.
-    let opening = OPENING + CLOSING_GAIN * (closing - CLOSING_IN).max(0.0);
+    let hurry = if leader > 0.0 { (closing - CLOSING_IN).max(0.0) } else { 0.0 };
+    let opening = OPENING + CLOSING_GAIN * hurry;
     let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening);
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
     if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
