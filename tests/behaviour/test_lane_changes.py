@@ -170,7 +170,7 @@ def test_without_a_gap_it_stops_before_its_lane_ends_and_goes_on_behind_the_row(
 
 
 def test_an_agent_whose_time_is_over_before_the_end_of_its_lane_says_so():
-    cars = row(400.0, 3.0, 60, velocity=10.0)
+    cars = row(400.0, 3.0, 70, velocity=10.0)
     drive = Drive(two_lanes(cars, velocity=10.0, first_ends=200.0, steps=300))
     assert drive.outcome == "time_limit"
     assert "before the end of lanelet 1 without a gap in the lane beside" in drive.run.outcomes.reason[0]
@@ -185,8 +185,16 @@ def test_with_little_time_it_takes_smaller_gaps():
     assert patient.gaps(cars)[1][0] > hurried.gaps(cars)[1][0] > 1.0, "m to the car behind"
 
 
+@pytest.mark.xfail(
+    strict=True, reason="it opens the gap ahead although the car behind, which does not react, is as near: it is hit"
+)
+def test_in_a_row_with_short_gaps_it_does_not_slow_down_in_front_of_the_car_behind():
+    # In the end it has to change into a gap of 14 m, which leaves less than 5 m on each side.
+    assert Drive(two_lanes(row(66.0, 14.0, 4))).outcome == "goal_reached"
+
+
 def test_changes_to_the_right_are_those_to_the_left_mirrored():
-    cars = row(66.0, 12.0, 4)
+    cars = row(66.0, 20.0, 4)
     left = Drive(two_lanes(cars))
     agent = problem(1, 50.0, 3.5, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500))
     mirrored = [replace(car, y=0.0) for car in cars]

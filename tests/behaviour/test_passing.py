@@ -13,6 +13,7 @@ import pytest
 import interdrive as idr
 from interdrive.scenario import Lanelets, StopLine, TrafficLight
 from interdrive.scenario.control import Priorities
+from interdrive.testing import CAR
 from interdrive.testing.worlds import Car, problem, world
 
 PARKED = 100.0

@@ -133,14 +133,15 @@ def test_an_agent_that_starts_too_fast_brakes_at_once_and_is_not_speeding(tmp_pa
     assert broken(run) == []
 
 
-@pytest.mark.parametrize(("speed", "seconds", "hardest"), [(11.0, 0.6, 1.5), (12.4, 0.9, 3.4), (15.0, 1.2, 5.9)])
+@pytest.mark.parametrize(("speed", "seconds", "hardest"), [(11.0, 0.6, 1.5), (12.4, 1.1, 3.0), (15.0, 2.0, 3.0)])
 def test_an_agent_above_the_limit_is_within_half_a_metre_per_second_of_it_soon(tmp_path, speed, seconds, hardest):
-    # If it aimed at the limit of 10 m/s itself, it would take 0.7, 1.0 and 1.3 s.
+    # From 15 m/s, 3 m/s² alone would take 1.5 s.
     run = idr.simulate(road(tmp_path, phases=(), limit=10.0, speed=speed, x=5.0), threads=1)
     velocity = run.states.velocity[0, run.states.valid[0]]
     assert (velocity[int(10 * seconds) : 60] <= 10.5).all()
     assert (velocity[:60] > 9.0).all(), "and it hardly falls below the limit"
-    assert -np.diff(velocity[:30]).min() / 0.1 < hardest
+    assert -np.diff(velocity[:30]).min() / 0.1 < hardest, "m/s²"
+    assert broken(run) == []
 
 
 def test_an_agent_is_as_slow_as_a_lower_limit_where_that_begins(tmp_path):
@@ -149,8 +150,8 @@ def test_an_agent_is_as_slow_as_a_lower_limit_where_that_begins(tmp_path):
     lanelets = replace(scenario.lanelets, speed_limit=np.array([13.8889, 8.3333]))
     run = idr.simulate(replace(scenario, lanelets=lanelets), threads=1)
     x, velocity = (values[0, run.states.valid[0]] for values in (run.states.x, run.states.velocity))
-    assert velocity[x > 100.0].max() <= 8.3333 + 0.5, "m/s"
-    assert velocity[x > 110.0].max() < 8.34, "m/s"
+    assert velocity[x > 100.0].max() <= 8.3333 + 0.7, "m/s, for less time than counts as speeding"
+    assert velocity[x > 110.0].max() < 8.4, "m/s"
     assert broken(run) == []
 
 
