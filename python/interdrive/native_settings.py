@@ -55,7 +55,10 @@ class Comfort:
         standstill_gap: Distance kept to a standing leader. Between 0 and 100.
         acceleration: Acceleration on a free road. Positive and at most 100.
         deceleration: Deceleration before leaders, curves, barriers and the goal. Positive and at most 100.
-        jerk: Largest jerk as long as the agent need not brake harder than 4 m/s². Positive and at most 1000.
+        jerk: Largest jerk from 9 m/s on, as long as the agent need not brake harder than 2.5 m/s². Positive and at
+            most 1000.
+        jerk_low: Largest jerk up to 3 m/s: people, and assistance systems (ISO 15622), set off and stop with more
+            jerk than they accept on a motorway. Positive and at most 1000.
         lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
         velocity_step: Largest difference between the present speed and the speed at which a gap for a lane change
@@ -69,6 +72,7 @@ class Comfort:
     acceleration: Annotated[float, "m/s²"] = 3.0
     deceleration: Annotated[float, "m/s²"] = 2.0
     jerk: Annotated[float, "m/s³"] = 1.9
+    jerk_low: Annotated[float, "m/s³"] = 5.7
     lateral_acceleration: Annotated[float, "m/s²"] = 2.2
     velocity_step: Annotated[float, "m/s"] = 5.0
     cruise_velocity_min: Annotated[float, "m/s"] = 5.0

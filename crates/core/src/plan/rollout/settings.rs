@@ -43,8 +43,11 @@ settings! {
         acceleration: f64 ["m/s²"] = 3.0, positive(100.0);
         /// Deceleration before leaders, curves, barriers and the goal.
         deceleration: f64 ["m/s²"] = 2.0, positive(100.0);
-        /// Largest jerk as long as the agent need not brake harder than 4 m/s².
+        /// Largest jerk from 9 m/s on, as long as the agent need not brake harder than 2.5 m/s².
         jerk: f64 ["m/s³"] = 1.9, positive(1000.0);
+        /// Largest jerk up to 3 m/s: people, and assistance systems (ISO 15622), set off and stop with more jerk than they
+        /// accept on a motorway.
+        jerk_low: f64 ["m/s³"] = 5.7, positive(1000.0);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 2.2, positive(100.0);
         /// Largest difference between the present speed and the speed at which a gap for a lane change is looked for.

@@ -20,6 +20,8 @@ const NEEDED_BRAKING: f64 = 2.5;
 /// An agent whose centre exceeds the speed limit by more than this [m/s] brakes at once, with at least this [m/s²]. The
 /// monitor counts it as speeding otherwise.
 const SPEEDING: (f64, f64) = (0.5, 1.2);
+/// `Comfort::jerk_low` counts up to the first of these speeds, `Comfort::jerk` from the second on [m/s].
+const JERK_SPEEDS: (f64, f64) = (3.0, 9.0);
 /// Who is much too fast brakes towards the desired speed with at most `BRAKING_SHARE` times this, 3 m/s² [m/s²].
 const SLOWING: f64 = 2.3;
 /// An agent that needs more than this share of the comfortable deceleration brakes with what it needs.
@@ -235,6 +237,12 @@ fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f
     (radicand.max(0.0).sqrt() - lag).max(0.0)
 }
 
+/// Largest comfortable jerk at a speed [m/s³].
+fn jerk(velocity: f64, comfort: &Comfort) -> f64 {
+    let fast = ((velocity - JERK_SPEEDS.0) / (JERK_SPEEDS.1 - JERK_SPEEDS.0)).clamp(0.0, 1.0);
+    comfort.jerk_low + fast * (comfort.jerk - comfort.jerk_low)
+}
+
 /// Constant acceleration between points, within the vehicle's limits and those of jerk.
 fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds {
     let Task { request, comfort, start, n_points, .. } = *task;
@@ -245,9 +253,9 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
     for point in 0..n_points {
         let is_speeding = velocity > limits.at(s + vehicle.rear_axle_to_center) + SPEEDING.0;
         let wanted = law(point, s, velocity).min(if is_speeding { -SPEEDING.1 } else { f64::INFINITY });
-        let lowest =
-            if is_speeding || wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - comfort.jerk * dt };
-        let highest = before.max(-comfort.deceleration) + comfort.jerk * dt;
+        let jerk = jerk(velocity, comfort);
+        let lowest = if is_speeding || wanted < -NEEDED_BRAKING { f64::NEG_INFINITY } else { before - jerk * dt };
+        let highest = before.max(-comfort.deceleration) + jerk * dt;
         let wanted = wanted.clamp(lowest, highest.max(lowest));
         let wanted = wanted.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
         let acceleration = wanted.max(-velocity / dt);
