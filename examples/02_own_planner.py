@@ -41,9 +41,9 @@ class Follow:
 
 def main() -> None:
     print(check_planner(Follow))
-    run = idr.simulate("t_junction", agents="all", planner={"default": "rollout", 2001: Follow})
-    row = list(run.outcomes.agent_id).index(2001)
-    print(f"agent 2001 with a planner of its own: {run.outcomes.outcome[row]}")
+    run = idr.simulate("t_junction", agents="all", planner={"default": "rollout", 1002: Follow})
+    row = list(run.outcomes.agent_id).index(1002)
+    print(f"agent 1002 with a planner of its own: {run.outcomes.outcome[row]}")
 
 
 if __name__ == "__main__":

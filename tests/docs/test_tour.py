@@ -88,7 +88,8 @@ def test_a_run_step_by_step_is_saved(tmp_path):
 def test_every_agent_gets_its_planner(tmp_path):
     planners = ast.literal_eval(printed(PYTHON[2], tmp_path))
     assert planners.pop(1001) == "idm"
-    assert set(planners.values()) == {"frenet"}
+    assert planners.pop(1002) == "frenet"
+    assert set(planners.values()) == {"rollout"}
     assert len(planners) > 2
 
 

@@ -84,7 +84,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(disk, room, arguments, named):
 
 @pytest.mark.parametrize(
     ("room", "pictures", "failing"),
-    [(800, ("--png", "--gif"), "run.gif"), (560, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
+    [(800, ("--png", "--gif"), "run.gif"), (620, ("--mp4",), "run.mp4"), (1150, ("--report",), "report.html")],
 )
 def test_a_disk_that_is_full_when_a_run_is_drawn_keeps_the_run(disk, ffmpeg, room, pictures, failing):
     done = disk.run(room, "run", *RUN, *pictures, "--out", "small/new", "--quiet", path=os.environ["PATH"])
