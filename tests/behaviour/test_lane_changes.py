@@ -19,7 +19,7 @@ from interdrive.testing.worlds import Car, problem, straight_road, world
 
 LENGTH = 4.5
 SPEED = 15.0
-#: People take 1 to 13 s for a whole change of lanes (Toledo and Zohar 2007); half of the change takes less than this [s].
+#: People take 1 to 13 s for a whole change of lanes (Toledo and Zohar 2007); half of it takes less than this [s].
 HALF_OVER = 5.0
 
 

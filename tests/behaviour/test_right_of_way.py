@@ -6,7 +6,6 @@ latest, and a rear has left at 1.4 m.
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import Any
 
