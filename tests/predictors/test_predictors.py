@@ -125,13 +125,13 @@ def two_modes(scene, first, second, variance=1.0):
     )
 
 
-def test_the_planner_adds_the_collision_probabilities_of_all_modes_by_their_probability():
+def test_frenet_adds_the_collision_probabilities_of_all_modes_by_their_probability():
     scenario = world(
         straight_road(300.0, lanes=3),
         cars=[Car(7, 15.0, 7.0, velocity=8.0)],
         problems=[problem(100, 10.0, 3.5, 8.0, goal=(150.0, 3.5), time_step=(0, 200))],
     )
-    simulation = Simulation(scenario, agents=[100], threads=1)
+    simulation = Simulation(scenario, agents=[100], planner="frenet", threads=1)
 
     def found(first, second):
         step = simulation.world.observe()
