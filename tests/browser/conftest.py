@@ -58,9 +58,21 @@ def page(browser):
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory) -> Path:
-    """Page of the T-junction, everything recorded."""
+    """Page of the T-junction, everything recorded; `frenet` has many candidates to show."""
     folder = tmp_path_factory.mktemp("demo") / "run"
-    interdrive("run", "t_junction", "--agents", "all", "--predictor", "lane_following", "--out", folder, "--report")
+    interdrive(
+        "run",
+        "t_junction",
+        "--agents",
+        "all",
+        "--planner",
+        "frenet",
+        "--predictor",
+        "lane_following",
+        "--out",
+        folder,
+        "--report",
+    )
     return folder / "report.html"
 
 
