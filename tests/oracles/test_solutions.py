@@ -41,9 +41,9 @@ class Solved:
 
 
 def solved(path, settings=None, **options):
-    """The drive of all problems of a file, if there are any and all are solved."""
+    """How `frenet` (docs/research/scores.md) drives all problems of a file, if there are any and all are solved."""
     try:
-        run = idr.simulate(path, agents="problems", settings=settings)
+        run = idr.simulate(path, agents="problems", planner="frenet", settings=settings)
         return Solved(path, run, idr.write_solution(run, **options))
     except idr.InputError:
         return None
