@@ -82,7 +82,7 @@ class Case:
     @property
     def grid(self) -> np.ndarray:
         """The samples of the grid: all but braking and those steered, which the published planner does not have."""
-        return np.arange(len(self.found["cost"]) - 2 * self.n_lanes - self.found["n_steered"])
+        return np.arange(len(self.found["cost"]) - 2 * self.n_lanes)
 
     @property
     def center(self) -> float:
@@ -145,7 +145,7 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
     step = simulation.world.observe()
     simulation.world.plan(step, (predictions or simulation._predict)(step.scene))
     found = simulation.world.candidates(AGENT, step)
-    n_lanes = len(np.unique(found["end_offset"][: len(found["cost"]) - found["n_steered"]]))
+    n_lanes = len(np.unique(found["end_offset"]))
     return Case(simulation, path, taken(road, start), found, n_lanes)
 
 

@@ -87,7 +87,7 @@ type LayerParts<'py> = (String, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py
 
 /// What a plan was chosen from as a dict of arrays: x, y (candidates, points); terms (candidates, terms); term_names; cost,
 /// end_velocity, end_offset (candidates,); rejection (words per candidate); chosen (-1 for none); desired_velocity. Of
-/// `frenet` also end_time (candidates,) and n_steered, of the last rows; of `rollout` pace (a name per candidate).
+/// `frenet` also end_time (candidates,); of `rollout` pace (a name per candidate).
 pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     match candidates {
@@ -110,7 +110,6 @@ fn frenet_candidates(py: Python<'_>, dict: &Bound<'_, PyDict>, found: &frenet::C
     dict.set_item("end_offset", arrays::row(py, found.end_offset.clone()))?;
     dict.set_item("rejection", reasons.collect::<Vec<_>>())?;
     dict.set_item("chosen", found.chosen.map_or(-1, |chosen| chosen as i64))?;
-    dict.set_item("n_steered", found.n_steered)?;
     dict.set_item("desired_velocity", found.desired_velocity)
 }
 

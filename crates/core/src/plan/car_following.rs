@@ -112,12 +112,29 @@ pub(super) fn integrate(
     }
 }
 
+/// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
+/// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
+pub(super) fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
+    let lag = b * reaction;
+    let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
+    (radicand.max(0.0).sqrt() - lag).max(0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const LAW: CarFollowing =
         CarFollowing { time_gap: 1.5, minimum_gap: 2.0, acceleration: 1.0, deceleration: 4.0, exponent: 4.0 };
+
+    #[test]
+    fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {
+        for v in [3.0, 10.0, 25.0] {
+            assert!((safe_velocity(v * 0.85, v, (0.85, 3.0)) - v).abs() < 1e-9);
+        }
+        assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
+        assert_eq!(safe_velocity(0.0, 0.0, (1.0, 3.0)), 0.0);
+    }
 
     #[test]
     fn the_desired_gap_is_that_of_the_formula() {

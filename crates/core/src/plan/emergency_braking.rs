@@ -64,20 +64,6 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
     PlanResult::infeasible(Trajectory { points: vec![request.state; n_points] }, message)
 }
 
-/// Full braking as the present steering allows it, as far as it stays on the road: along the previous plan's path, towards
-/// the reference path, on the present arc, straightening the wheels.
-pub(super) fn full_braking(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>) -> Vec<Vec<State>> {
-    let present = present_curvature(request);
-    let mut found: Vec<Vec<State>> =
-        along_previous(request, n_points).into_iter().chain(towards_path(request, n_points)).collect();
-    found.push(towards_arc(request, n_points, present));
-    if present != 0.0 {
-        found.push(towards_arc(request, n_points, 0.0));
-    }
-    found.retain(|points| stays_on_road(request, points, scratch));
-    found
-}
-
 /// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
 pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
     let mut first = None;

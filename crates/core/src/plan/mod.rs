@@ -232,11 +232,11 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Rollout(_) | Planner::Frenet(_) => {
+            Planner::Rollout(_) => {
                 let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
                 Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -274,9 +274,7 @@ pub enum Candidates {
 /// All that a plan was chosen from, with costs and the reasons of rejection; `None` for a planner that does not choose.
 pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest) -> Option<Candidates> {
     match planner {
-        Planner::Frenet(settings) => {
-            Some(Candidates::Frenet(frenet::candidates(&prepared.aim(request, &settings.comfort.seeking()), settings)))
-        }
+        Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(request, settings))),
         Planner::Rollout(settings) => {
             let aimed = prepared.aim(request, &settings.comfort.seeking());
             Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))
@@ -334,7 +332,7 @@ pub fn plan(
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
         (Planner::Frenet(settings), _) => {
-            let found = frenet::plan(&prepared.aim(request, &settings.comfort.seeking()), settings, &mut memory.frenet);
+            let found = frenet::plan(request, settings, &mut memory.frenet);
             memory.effort = memory.frenet.effort();
             found
         }

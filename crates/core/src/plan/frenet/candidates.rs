@@ -2,13 +2,12 @@
 
 use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
+use super::profiles::LongitudinalProfile;
 use super::search::SearchSpace;
 use super::settings::N_TERMS;
-use super::{Incumbent, length};
-use crate::geometry::Point;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
-/// lateral position), then stops, then braking, then the shifted previous plan, if there is one, then steered samples.
+/// lateral position), then stops, then braking.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Candidates {
     /// Points of every sample, dt apart.
@@ -34,14 +33,10 @@ pub struct Candidates {
     pub end_offset: Vec<f64>,
     /// Speed at the end of the horizon [m/s].
     pub last_velocity: Vec<f64>,
-    /// How many of them are steered, the last ones.
-    pub n_steered: usize,
     /// The chosen sample; `None` if none is admissible.
     pub chosen: Option<usize>,
     /// Desired speed [m/s].
     pub desired_velocity: f64,
-    /// As in `EvaluationMemory`.
-    pub(super) undrivable: Vec<(f64, f64)>,
 }
 
 impl Candidates {
@@ -53,30 +48,6 @@ impl Candidates {
     /// There are none: the agent cannot be described in the frame of its path.
     pub fn is_empty(&self) -> bool {
         self.cost.is_empty()
-    }
-
-    /// A sample that would be cheaper and faster than the chosen one was rejected for the road alone.
-    pub(super) fn is_held_by_road(&self, chosen: usize) -> bool {
-        (0..self.len()).any(|i| {
-            self.rejection[i] == Rejection::OffRoad
-                && self.cost[i] < self.cost[chosen]
-                && self.last_velocity[i] > self.last_velocity[chosen]
-        })
-    }
-
-    /// Chooses among the samples that end faster than a speed [m/s] and cost less than a limit.
-    pub(super) fn choose(&mut self, slowest: f64, limit: f64) {
-        let counts = |i: &usize| self.end_velocity[*i] > slowest && self.cost[*i] < limit;
-        let admissible = (0..self.len()).filter(|i| self.rejection[*i] == Rejection::Admissible).filter(counts);
-        // The first of equals.
-        self.chosen = admissible.min_by(|a, b| self.cost[*a].total_cmp(&self.cost[*b]));
-    }
-
-    /// What a plan must beat that replaces a sample.
-    pub(super) fn incumbent(&self, sample: usize) -> Incumbent {
-        let points = sample * self.n_points..(sample + 1) * self.n_points;
-        let centers = points.map(|i| Point { x: self.x[i], y: self.y[i] });
-        Incumbent { cost: self.cost[sample], velocity: self.last_velocity[sample], distance: length(centers) }
     }
 
     /// Evaluates all samples to the end.
@@ -91,49 +62,17 @@ impl Candidates {
         for sample in 0..evaluation.len() {
             out.push(evaluation, sample);
         }
-        out.choose(f64::NEG_INFINITY, f64::INFINITY);
-        out.undrivable.clone_from(&evaluation.tables.memory.undrivable);
+        let admissible = (0..out.len()).filter(|i| out.rejection[*i] == Rejection::Admissible);
+        // The first of equals.
+        out.chosen = admissible.min_by(|a, b| out.cost[*a].total_cmp(&out.cost[*b]));
         out
-    }
-
-    /// Evaluates all whole trajectories; one is chosen if it ends faster than a speed [m/s] and costs less than a limit.
-    pub(super) fn of_wholes(evaluation: &mut Evaluation, (slowest, limit): (f64, f64)) -> Self {
-        let mut out = Self { n_points: evaluation.problem.limits.n_points, ..Self::default() };
-        for sample in evaluation.tables.samples.len()..evaluation.len() {
-            out.push(evaluation, sample);
-        }
-        out.choose(slowest, limit);
-        out
-    }
-
-    /// Adds the steered samples of the same request; their choice counts if there is one.
-    pub(super) fn add_steered(&mut self, mut others: Self) {
-        self.n_steered = others.len();
-        self.chosen = others.chosen.map(|i| self.len() + i).or(self.chosen);
-        let pairs = [
-            (&mut self.x, &mut others.x),
-            (&mut self.y, &mut others.y),
-            (&mut self.terms, &mut others.terms),
-            (&mut self.cost, &mut others.cost),
-            (&mut self.end_time, &mut others.end_time),
-            (&mut self.end_velocity, &mut others.end_velocity),
-            (&mut self.end_offset, &mut others.end_offset),
-            (&mut self.last_velocity, &mut others.last_velocity),
-        ];
-        for (mine, more) in pairs {
-            mine.append(more);
-        }
-        self.rejection.append(&mut others.rejection);
-        self.collision_id.append(&mut others.collision_id);
     }
 
     fn push(&mut self, evaluation: &mut Evaluation, sample: usize) {
         let mut rejection = evaluation.write_points(sample);
         let mut collision_id = -1;
         let can_be_driven = rejection == Rejection::Admissible;
-        if !can_be_driven {
-            evaluation.note_undrivable(sample);
-        } else {
+        if can_be_driven {
             if let Some(contact) = evaluation.contact() {
                 let request = evaluation.problem.request;
                 collision_id = request.predictions.ids[request.others[contact.other].row];
@@ -152,15 +91,11 @@ impl Candidates {
         self.y.extend(evaluation.points().iter().map(|point| point.center.y));
         let last = evaluation.points()[self.n_points - 1];
         self.last_velocity.push(last.velocity);
-        let (end_time, end_velocity, end_offset) = match evaluation.cell(sample) {
-            Some((profile, end_offset)) => {
-                let profile = &evaluation.tables.samples.profiles[profile];
-                (profile.end_time, profile.end_velocity, evaluation.tables.samples.end_offsets[end_offset])
-            }
-            None => (evaluation.problem.limits.horizon(), last.velocity, last.d),
-        };
+        let (profile, end_offset) = evaluation.cell(sample);
+        let samples = &*evaluation.tables.samples;
+        let LongitudinalProfile { end_time, end_velocity, .. } = samples.profiles[profile];
         self.end_time.push(end_time);
         self.end_velocity.push(end_velocity);
-        self.end_offset.push(end_offset);
+        self.end_offset.push(samples.end_offsets[end_offset]);
     }
 }

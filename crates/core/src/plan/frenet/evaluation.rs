@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::super::PlanRequest;
-use super::super::frame::{Start, Waypoint};
+use super::super::frame::Waypoint;
 use super::cartesian::{self, FrenetTrajectory};
 use super::cost::TableCosts;
 use super::feasibility::{Limits, Rejection};
@@ -14,7 +14,6 @@ use super::obstacles::Obstacles;
 use super::search::{Entry, Refined, SearchSpace};
 use super::settings::{FrenetSettings, N_TABLE_TERMS, N_TERMS, N_WORLD_TERMS};
 use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
-use super::whole::{Whole, Wholes};
 use crate::collision::departs_road;
 use crate::geometry::shape::OrientedBox;
 
@@ -59,10 +58,6 @@ pub(super) struct EvaluationMemory {
     pub(super) off_road_cost: f64,
     pub(super) off_road_sample: usize,
     pub(super) n_off_road: usize,
-    /// Cost and speed at the end [m/s] of all of them.
-    pub(super) off_road: Vec<(f64, f64)>,
-    /// Samples of the grid that the vehicle cannot drive: cost without prediction, and speed at the end [m/s].
-    pub(super) undrivable: Vec<(f64, f64)>,
 }
 
 impl EvaluationMemory {
@@ -76,8 +71,6 @@ impl EvaluationMemory {
         self.contacts.clear();
         self.off_road_cost = f64::INFINITY;
         self.n_off_road = 0;
-        self.off_road.clear();
-        self.undrivable.clear();
     }
 }
 
@@ -93,10 +86,7 @@ impl EvaluationMemory {
 pub(super) struct Problem<'a> {
     pub(super) request: &'a PlanRequest<'a>,
     pub(super) settings: &'a FrenetSettings,
-    pub(super) start: &'a Start,
     pub(super) limits: &'a Limits,
-    /// Keep the margin from what the road admits, if the agent does so now.
-    pub(super) keeps_clear: bool,
 }
 
 /// What has been prepared for it.
@@ -104,11 +94,10 @@ pub(super) struct Tables<'a> {
     pub(super) samples: &'a mut SampleGrid,
     pub(super) costs: &'a mut TableCosts,
     pub(super) obstacles: &'a mut Obstacles,
-    pub(super) wholes: &'a Wholes,
     pub(super) memory: &'a mut EvaluationMemory,
 }
 
-/// Everything about one plan. Samples are numbered profile by profile, end offset by end offset; the last ones are whole trajectories.
+/// Everything about one plan. Samples are numbered profile by profile, end offset by end offset.
 pub(super) struct Evaluation<'a> {
     pub(super) problem: Problem<'a>,
     pub(super) tables: Tables<'a>,
@@ -122,12 +111,10 @@ impl<'a> Evaluation<'a> {
     pub(super) fn new(problem: Problem<'a>, tables: Tables<'a>) -> Self {
         let Problem { request, settings, .. } = problem;
         let memory = &mut *tables.memory;
-        memory.reset(tables.samples.len() + tables.wholes.len());
+        memory.reset(tables.samples.len());
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
-        let has_room = problem.keeps_clear
-            && request.was_on_road
-            && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
+        let has_room = request.was_on_road && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
         Self {
             road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
@@ -142,46 +129,29 @@ impl<'a> Evaluation<'a> {
         self.tables.memory.slots.len()
     }
 
-    /// Where the search begins: a group per profile that is not rejected, and the whole trajectories, if they end faster
-    /// than a speed [m/s].
-    pub(super) fn entries(&self, slowest: f64) -> impl Iterator<Item = Entry> {
+    /// Where the search begins: a group per profile that is not rejected.
+    pub(super) fn entries(&self) -> impl Iterator<Item = Entry> {
         let n_offsets = self.tables.samples.end_offsets.len();
-        let profiles = self.tables.costs.bounds.iter().zip(&self.tables.samples.profiles).enumerate();
-        let profiles = profiles.filter(move |(_, (_, profile))| profile.end_velocity > slowest);
-        profiles
-            .map(move |(profile, (bound, _))| Entry::group(*bound, profile * n_offsets, profile))
-            .chain(self.whole_entries(slowest))
+        let bounds = self.tables.costs.bounds.iter().enumerate();
+        bounds.map(move |(profile, bound)| Entry::group(*bound, profile * n_offsets, profile))
     }
 
-    /// The same without the grid.
-    pub(super) fn whole_entries(&self, slowest: f64) -> impl Iterator<Item = Entry> {
-        let first = self.tables.samples.len();
-        let wholes = self.tables.wholes.iter().enumerate();
-        let wholes = wholes.filter(move |(_, whole)| whole.points.last().is_some_and(|last| last.velocity > slowest));
-        wholes.map(move |(k, whole)| Entry::sample(whole.total, first + k))
-    }
-
-    /// Profile and end offset of a sample; `None` for a whole trajectory.
-    pub(super) fn cell(&self, sample: usize) -> Option<(usize, usize)> {
+    /// Profile and end offset of a sample.
+    pub(super) fn cell(&self, sample: usize) -> (usize, usize) {
         let n_offsets = self.tables.samples.end_offsets.len();
-        (sample < self.tables.samples.len()).then(|| (sample / n_offsets, sample % n_offsets))
-    }
-
-    fn whole(&self, sample: usize) -> &Whole {
-        &self.tables.wholes[sample - self.tables.samples.len()]
+        (sample / n_offsets, sample % n_offsets)
     }
 
     /// The tests but the road, and the cost without prediction.
     fn admit(&mut self, sample: usize) -> Refined {
         if !self.write_if_drivable(sample) {
-            self.note_undrivable(sample);
             return Refined::Rejected;
         }
         if let Some(contact) = self.contact() {
             self.tables.memory.contacts.push((sample as u32, contact));
             return Refined::Rejected;
         }
-        let mut base = self.table_cost(sample);
+        let mut base = self.tables.costs.total[sample];
         if self.world_terms {
             base += weighted_world_terms(&self.problem.settings.weights, &self.world_terms(sample));
         }
@@ -195,18 +165,9 @@ impl<'a> Evaluation<'a> {
         Refined::Bound(base)
     }
 
-    /// The vehicle cannot drive a sample of the grid.
-    pub(super) fn note_undrivable(&mut self, sample: usize) {
-        if let Some((profile, _)) = self.cell(sample) {
-            let found = (self.table_cost(sample), self.tables.samples.profiles[profile].end_velocity);
-            self.tables.memory.undrivable.push(found);
-        }
-    }
-
     /// The complete cost of the trajectory in the pool, if its footprint stays on the road.
     fn if_on_road(&mut self, sample: usize, slot: Range<usize>, cost: f64) -> Refined {
         let pool = std::mem::take(&mut self.tables.memory.pool);
-        let end_velocity = pool[slot.end - 1].velocity;
         let stays = self.is_on_road(&pool[slot]);
         self.tables.memory.pool = pool;
         if stays {
@@ -214,18 +175,10 @@ impl<'a> Evaluation<'a> {
         } else {
             let memory = &mut *self.tables.memory;
             memory.n_off_road += 1;
-            memory.off_road.push((cost, end_velocity));
             if cost < memory.off_road_cost {
                 (memory.off_road_cost, memory.off_road_sample) = (cost, sample);
             }
             Refined::Rejected
-        }
-    }
-
-    fn table_cost(&self, sample: usize) -> f64 {
-        match self.cell(sample) {
-            Some(_) => self.tables.costs.total[sample],
-            None => self.whole(sample).total,
         }
     }
 
@@ -236,9 +189,7 @@ impl<'a> Evaluation<'a> {
 
     /// Writes the trajectory of a sample, if the vehicle can drive it.
     pub(super) fn write_if_drivable(&mut self, sample: usize) -> bool {
-        let Some((profile, end_offset)) = self.cell(sample) else {
-            return self.write_points(sample) == Rejection::Admissible;
-        };
+        let (profile, end_offset) = self.cell(sample);
         if self.tables.samples.profiles[profile].rejection != Rejection::Admissible {
             return false;
         }
@@ -258,13 +209,7 @@ impl<'a> Evaluation<'a> {
     /// path's curvature) repeat the one before.
     pub(super) fn write_points(&mut self, sample: usize) -> Rejection {
         self.tables.memory.points.clear();
-        let Some((profile, end_offset)) = self.cell(sample) else {
-            self.tables.memory.points.extend_from_slice(&self.tables.wholes[sample - self.tables.samples.len()].points);
-            let points = &self.tables.memory.points;
-            return (1..points.len()).fold(Rejection::Admissible, |found, i| {
-                found.or(self.problem.limits.check(&points[i - 1], &points[i], i))
-            });
-        };
+        let (profile, end_offset) = self.cell(sample);
         self.load(profile);
         let mut found = self.tables.samples.profiles[profile].rejection;
         let center = self.problem.request.vehicle.rear_axle_to_center;
@@ -321,14 +266,11 @@ impl<'a> Evaluation<'a> {
 
     /// Terms of the cost that need the trajectory that was written last.
     pub(super) fn world_terms(&self, sample: usize) -> [f64; N_WORLD_TERMS] {
-        let place = self.cell(sample);
-        let motion = |i: usize| match place {
-            None => self.whole(sample).motions[i],
-            Some((profile, end_offset)) => {
-                let samples = &*self.tables.samples;
-                let d = samples.lateral_points(profile).at(i, samples.end_offsets[end_offset]);
-                FrenetMotion::new(&samples.motions(profile).at(i), d, samples.profiles[profile].is_over_arc)
-            }
+        let (profile, end_offset) = self.cell(sample);
+        let samples = &*self.tables.samples;
+        let motion = |i: usize| {
+            let d = samples.lateral_points(profile).at(i, samples.end_offsets[end_offset]);
+            FrenetMotion::new(&samples.motions(profile).at(i), d, samples.profiles[profile].is_over_arc)
         };
         let (points, request) = (&self.tables.memory.points, self.problem.request);
         world_terms(points, motion, self.tables.obstacles.distance_cost(points, request), request.dt)
@@ -347,7 +289,7 @@ impl<'a> Evaluation<'a> {
 
     /// The terms of a sample that need only its profile and its end offset.
     pub(super) fn table_terms(&self, sample: usize) -> [f64; N_TABLE_TERMS] {
-        let Some((profile, end_offset)) = self.cell(sample) else { return self.whole(sample).terms };
+        let (profile, end_offset) = self.cell(sample);
         let (samples, profile) = (&*self.tables.samples, &self.tables.samples.profiles[profile]);
         let k = profile.table.expect("the lateral motion is there") * samples.end_offsets.len() + end_offset;
         [self.tables.costs.velocity_offset[sample], samples.lateral.offset[k], samples.lateral.jerk[k], profile.jerk]

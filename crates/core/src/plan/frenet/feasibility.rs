@@ -123,11 +123,8 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// `slack` is a factor of the steering rate and the lateral acceleration.
-    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64, slack: f64) -> Self {
-        let mut vehicle = *request.vehicle;
-        vehicle.steering_rate_max *= slack;
-        vehicle.lateral_acceleration_max *= slack;
+    pub(super) fn new(request: &PlanRequest, n_points: usize, start_curvature: f64) -> Self {
+        let vehicle = *request.vehicle;
         let state = &request.state;
         let lateral = (state.velocity * state.velocity * start_curvature).abs();
         let excess = [
@@ -151,18 +148,6 @@ impl Limits {
     /// How fast the curvature can change while the wheels point straight ahead [1/(m s)].
     pub(super) fn curvature_rate(&self) -> f64 {
         self.vehicle.steering_rate_max / self.vehicle.wheelbase
-    }
-
-    /// The curvature after one step towards a wanted one at a speed [m/s] and an acceleration [m/s²], with a share of the
-    /// limits [1/m].
-    pub(super) fn turned(&self, curvature: f64, wanted: f64, (velocity, acceleration): (f64, f64), share: f64) -> f64 {
-        let held = share * self.vehicle.lateral_acceleration_beside(acceleration) / (velocity * velocity);
-        self.vehicle.turned(curvature, wanted, share * self.steering_step, self.curvature_max.min(held))
-    }
-
-    /// The same for a vehicle that stands.
-    pub(super) fn freely_turned(&self, wanted: f64) -> f64 {
-        wanted.clamp(-self.curvature_max, self.curvature_max)
     }
 
     /// Time of the last point [s].
@@ -279,15 +264,15 @@ mod tests {
     }
 
     /// Its limits for 31 points, 0.1 s apart, from a start with a speed, an acceleration and a curvature.
-    fn limits_from(vehicle: &Vehicle, velocity: f64, acceleration: f64, curvature: f64, slack: f64) -> Limits {
+    fn limits_from(vehicle: &Vehicle, velocity: f64, acceleration: f64, curvature: f64) -> Limits {
         Drive::on_three_lanes(50.0, velocity).with_request(|request| {
             let state = State { velocity, acceleration, ..State::default() };
-            Limits::new(&PlanRequest { vehicle, state, ..*request }, 31, curvature, slack)
+            Limits::new(&PlanRequest { vehicle, state, ..*request }, 31, curvature)
         })
     }
 
     fn limits() -> Limits {
-        limits_from(&vehicle(), 5.0, 0.0, 0.0, 1.0)
+        limits_from(&vehicle(), 5.0, 0.0, 0.0)
     }
 
     fn point(velocity: f64, acceleration: f64, curvature: f64, heading: f64) -> Waypoint {
@@ -376,9 +361,9 @@ mod tests {
     #[test]
     fn a_start_beyond_a_limit_gets_its_excess_and_a_tenth_more_which_is_gone_after_1500_ms() {
         // 2 m/s² too much: 2.2 at the start, 2.2 * (1 - 0.5 / 1.5) at point 5, nothing from point 15 on.
-        let driving = limits_from(&vehicle(), 5.0, 10.0, 0.0, 1.0);
-        let braking = limits_from(&vehicle(), 20.0, -10.0, 0.0, 1.0);
-        let cornering = limits_from(&vehicle(), 10.0, 0.0, -0.08, 1.0);
+        let driving = limits_from(&vehicle(), 5.0, 10.0, 0.0);
+        let braking = limits_from(&vehicle(), 20.0, -10.0, 0.0);
+        let cornering = limits_from(&vehicle(), 10.0, 0.0, -0.08);
         for (number, more) in [(0, 2.2), (5, 4.4 / 3.0), (15, 0.0), (30, 0.0)] {
             for (limits, expected) in
                 [(&driving, [0.0, more, 0.0]), (&braking, [more, 0.0, 0.0]), (&cornering, [0.0, 0.0, more])]
@@ -400,27 +385,14 @@ mod tests {
             }
         }
         // The engine's limit at 20 m/s is 4 m/s².
-        assert!((limits_from(&vehicle(), 20.0, 5.0, 0.0, 1.0).recovery(0)[1] - 1.1).abs() < 1e-12);
-        assert_eq!(limits_from(&vehicle(), 5.0, 8.0, 0.2, 1.0).recovery(0), [0.0; 3], "at the limits, not beyond");
+        assert!((limits_from(&vehicle(), 20.0, 5.0, 0.0).recovery(0)[1] - 1.1).abs() < 1e-12);
+        assert_eq!(limits_from(&vehicle(), 5.0, 8.0, 0.2).recovery(0), [0.0; 3], "at the limits, not beyond");
     }
 
     #[test]
-    fn slack_widens_steering_and_lateral_acceleration_only() {
-        let wide = limits_from(&vehicle(), 5.0, 0.0, 0.0, 1.5);
-        // tan(0.06) / 2.5 + 0.001 = 0.025029 /m; 9 m/s² to the side.
-        for (from, to, velocity, expected) in [
-            (0.0, 0.02502, 1.0, Rejection::Admissible),
-            (0.0, 0.02504, 1.0, Rejection::SteeringRate),
-            (0.09, 0.09, 10.0, Rejection::Admissible),
-            (0.0901, 0.0901, 10.0, Rejection::LateralAcceleration),
-        ] {
-            let found = wide.check(&point(velocity, 0.0, from, 0.0), &point(velocity, 0.0, to, 0.0), 1);
-            assert_eq!(found, expected, "{from} to {to}");
-        }
-        assert_eq!(wide.acceleration_max, 8.0);
-        // Steering that goes from side to side within a step has no limit, and none of the wrong sign.
+    fn steering_from_side_to_side_within_a_step_has_no_limit() {
         let swift = Vehicle { steering_rate_max: 20.0, ..vehicle() };
-        let free = limits_from(&swift, 5.0, 0.0, 0.0, 1.0);
+        let free = limits_from(&swift, 5.0, 0.0, 0.0);
         assert_eq!(free.check(&point(1.0, 0.0, -0.2, 0.0), &point(1.0, 0.0, 0.2, 0.0), 1), Rejection::Admissible);
         assert!((free.horizon() - 3.0).abs() < 1e-12);
     }

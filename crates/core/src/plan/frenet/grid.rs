@@ -21,8 +21,6 @@ pub(super) const ARC_MIN: f64 = 5.0;
 /// Slow agents return to the path so gently that the wheels turn fast enough at this share of the speed that they have
 /// or want: on a shorter way they could not become faster, on a longer one they would stay beside the path.
 const TURNING_SPEED: f64 = 0.8;
-/// Where the road is narrow, end positions are within this distance of the path [m].
-const NARROW_OFFSET: f64 = 1.0;
 /// Speeds above minus this [m/s] count as 0.
 const ROUNDING: f64 = 1e-3;
 /// Decelerations of the braking profiles as fractions of the largest one.
@@ -38,8 +36,6 @@ pub(super) struct Inputs<'a> {
     pub(super) limits: &'a Limits,
     pub(super) settings: &'a FrenetSettings,
     pub(super) path: &'a ReferencePath,
-    /// Only lateral positions near the path count, for places where the road is narrow.
-    pub(super) is_narrow: bool,
 }
 
 /// Numbers per point of a profile's path.
@@ -100,13 +96,14 @@ impl SampleGrid {
         self.path.clear();
         self.furthest.clear();
         self.furthest.resize(self.stride, start.s);
-        self.lateral.clear(self.n_points, self.stride, targets.offset);
+        self.lateral.clear(self.n_points, self.stride);
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
         self.barriers = targets.barriers;
         end_times(settings, &mut self.end_times);
-        self.choose_offsets(inputs);
+        end_offsets(settings, start.d, &mut self.end_offsets);
+        insert(&mut self.end_offsets, 0.0);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         // No sample accelerates beyond the limit, not even to get out of another one's way.
         let most = targets.limit.max(targets.velocity).max(start.s_dot);
@@ -142,32 +139,6 @@ impl SampleGrid {
         for fraction in BRAKING {
             self.push_braking(Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max), inputs);
         }
-    }
-
-    /// Lateral positions near the path in the place of those of `generate`, whose motions along the path remain.
-    pub(super) fn narrow(&mut self, inputs: &Inputs) {
-        self.end_offsets.clear();
-        self.lateral.clear(self.n_points, self.stride, inputs.targets.offset);
-        self.choose_offsets(&Inputs { is_narrow: true, ..*inputs });
-        let beside = beside(inputs.start);
-        for end_time in &self.end_times {
-            // In the order of `generate`: profiles keep the numbers of their tables.
-            self.lateral.push_over_time(beside, *end_time, &self.times, &self.end_offsets);
-        }
-        for profile in self.profiles.iter_mut().filter(|profile| profile.is_over_arc) {
-            profile.table = None;
-        }
-    }
-
-    fn choose_offsets(&mut self, inputs: &Inputs) {
-        let Inputs { start, targets, settings, is_narrow, .. } = *inputs;
-        if is_narrow {
-            let widest = settings.d_max.min(NARROW_OFFSET);
-            grid(-widest, widest, settings.level, start.d, &mut self.end_offsets);
-        } else {
-            end_offsets(settings, start.d, &mut self.end_offsets);
-        }
-        insert(&mut self.end_offsets, targets.offset);
     }
 
     /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
@@ -373,14 +344,6 @@ impl SampleGrid {
         [widest + length * (0.2 * d_prime.abs() + 0.018 * bend), 1.875 * way / length + d_prime.abs() + 0.07 * bend]
     }
 
-    /// Profiles that are also steered (`steered`): a manoeuvre that ends early, a manoeuvre that ends at the horizon,
-    /// stops and braking.
-    pub(super) fn is_steered(&self, profile: usize) -> bool {
-        let LongitudinalProfile { rejection, family, end_time, .. } = &self.profiles[profile];
-        let times = [self.end_times[self.end_times.len() / 3], self.end_times[self.end_times.len() - 1]];
-        *rejection == Rejection::Admissible && (family.is_none() || times.contains(end_time))
-    }
-
     /// Number of samples.
     pub(super) fn len(&self) -> usize {
         self.profiles.len() * self.end_offsets.len()
@@ -455,9 +418,6 @@ fn arc_min(inputs: &Inputs) -> f64 {
     let Inputs { start, targets, limits, settings, .. } = *inputs;
     if start.velocity >= settings.low_velocity {
         return ARC_MIN;
-    }
-    if targets.swing > 0.0 {
-        return targets.swing;
     }
     let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
     turning_length([start.d, start.d_prime, start.d_prime2], limits.curvature_rate() / velocity, ARC_MIN)

@@ -17,12 +17,10 @@ pub(super) struct LateralTables {
     points: Vec<f64>,
     /// Root of the integral of the squared lateral jerk over the horizon; (tables, end offsets).
     pub(super) jerk: Vec<f64>,
-    /// Root of the summed squares of the last half of the offsets from the desired one; (tables, end offsets).
+    /// Root of the summed squares of the last half of the offsets; (tables, end offsets).
     pub(super) offset: Vec<f64>,
     stride: usize,
     n_points: usize,
-    /// Lateral position that the agent wants [m].
-    desired_offset: f64,
     /// Third derivatives of home and step by time.
     rates: [Vec<f64>; 2],
 }
@@ -61,9 +59,8 @@ pub(super) struct LongitudinalMotion<'a> {
 }
 
 impl LateralTables {
-    /// Begins anew, for plans of `n_points` points in tables of `stride` that want to be at an offset [m].
-    pub(super) fn clear(&mut self, n_points: usize, stride: usize, desired_offset: f64) {
-        self.desired_offset = desired_offset;
+    /// Begins anew, for plans of `n_points` points in tables of `stride`.
+    pub(super) fn clear(&mut self, n_points: usize, stride: usize) {
         self.points.clear();
         self.jerk.clear();
         self.offset.clear();
@@ -161,7 +158,6 @@ impl LateralTables {
         // Sums of (home + end_offset step - desired offset)².
         let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
-            let home = home - self.desired_offset;
             constant += home * home;
             linear += 2.0 * home * step;
             square += step * step;

@@ -16,7 +16,6 @@ use super::super::frame::{Start, Waypoint};
 use super::super::{Other, PlanRequest};
 use super::grid::SampleGrid;
 use super::settings::FrenetSettings;
-use super::whole::Wholes;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
 use collision_probability::{COST_REACH, PredictedFootprints, PredictedMode};
@@ -107,13 +106,13 @@ impl Obstacles {
     pub(super) fn prepare(
         &mut self,
         request: &PlanRequest,
-        (start, wholes): (&Start, &Wholes),
+        start: &Start,
         samples: &SampleGrid,
         settings: &FrenetSettings,
     ) {
         let vehicle = request.vehicle;
         (self.half_length, self.half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
-        self.reach.find(request, start, samples, wholes);
+        self.reach.find(request, start, samples);
         self.begin(request, settings);
         let ego = OrientedBox::new(request.state.pose(), vehicle.length, vehicle.width);
         let reached = std::mem::take(&mut self.reached);
@@ -248,11 +247,6 @@ impl Obstacles {
     fn footprint(&self, point: &Waypoint) -> OrientedBox {
         let (half_length, half_width) = (self.half_length, self.half_width);
         OrientedBox { center: point.center, axis: point.axis, half_length, half_width }
-    }
-
-    /// Participants were prepared for all places that a trajectory comes to.
-    pub(super) fn cover(&self, points: &[Waypoint]) -> bool {
-        self.reach.holds(points, self.half_length.hypot(self.half_width))
     }
 
     /// No sample can get near any predicted position.

@@ -103,8 +103,6 @@ pub(super) struct Queue {
     /// Samples of the groups that were opened, and which of them (a run per group) are not in the queue yet.
     opened: Vec<Entry>,
     runs: Vec<Range<usize>>,
-    /// Only samples that cost less count.
-    limit: f64,
 }
 
 impl Queue {
@@ -132,12 +130,11 @@ impl Queue {
     }
 }
 
-/// Begins a search anew, for samples that cost less than a limit.
-pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>, limit: f64) {
-    queue.limit = limit;
+/// Begins a search anew.
+pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
     let mut memory = std::mem::take(&mut queue.entries).into_vec();
     memory.clear();
-    memory.extend(entries.filter(|entry| entry.bound() < limit).map(Reverse));
+    memory.extend(entries.filter(|entry| entry.bound() < f64::INFINITY).map(Reverse));
     queue.entries = BinaryHeap::from(memory);
     queue.opened.clear();
     queue.runs.clear();
@@ -150,9 +147,6 @@ pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>, lim
 /// bound, the result is that of `exhaustive`.
 pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
     while let Some(Reverse(mut entry)) = queue.entries.pop() {
-        if entry.bound() >= queue.limit {
-            break;
-        }
         let index = entry.index();
         if let Some(group) = entry.group_number() {
             if let Some(bound) = search.tighten(group) {
@@ -176,7 +170,7 @@ pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Op
                 Refined::Cost(cost) => {
                     entry = entry.with(cost);
                     if queue.entries.peek().is_none_or(|Reverse(next)| entry < *next) {
-                        return (cost < queue.limit).then_some((index, cost));
+                        return Some((index, cost));
                     }
                 }
             }
@@ -212,7 +206,7 @@ pub(super) fn exhaustive(queue: &Queue, search: &mut impl SearchSpace) -> Option
             };
         }
     }
-    best.filter(|(_, cost)| *cost < queue.limit)
+    best
 }
 
 #[cfg(test)]
@@ -279,7 +273,7 @@ mod tests {
                 Entry::group(first - f64::from(u8::from(group.is_multiple_of(2))), group * GROUP, group)
             });
             let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
-            start(&mut queue, groups.chain(alone), f64::INFINITY);
+            start(&mut queue, groups.chain(alone));
             let search =
                 || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], tightened: vec![false; 9], work: 0 };
             let (mut lazy, mut full) = (search(), search());
@@ -294,7 +288,7 @@ mod tests {
     #[test]
     fn none_is_chosen_if_all_are_rejected() {
         let mut queue = Queue::default();
-        start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter(), f64::INFINITY);
+        start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
         let mut search =
             Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], tightened: vec![], work: 0 };
         assert_eq!(exhaustive(&queue, &mut search), None);

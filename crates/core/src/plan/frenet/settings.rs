@@ -1,6 +1,5 @@
 //! Settings of the planner.
 
-use super::super::lane_change::Seeking;
 use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::error::{Error, Result};
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
@@ -103,14 +102,6 @@ fn ends_within_horizon(settings: &FrenetSettings) -> Result<()> {
     }
     let message = format!("must be positive and at most {horizon}, not {t_min:?}");
     Err(Error::Setting { name: "t_min".into(), message })
-}
-
-impl Comfort {
-    /// How an agent seeks a gap to change lanes.
-    pub(in crate::plan) fn seeking(&self) -> Seeking {
-        let Self { deceleration, cruise_velocity_min, velocity_step, .. } = *self;
-        Seeking { deceleration, cruise_velocity_min, velocity_step }
-    }
 }
 
 /// Number of cost terms.

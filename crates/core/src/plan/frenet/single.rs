@@ -6,7 +6,7 @@ use super::super::emergency_braking::last_resort;
 use super::super::frame::{FrenetPoint, Start, Waypoint};
 use super::super::polynomial::Polynomial;
 use super::feasibility::{Limits, Rejection};
-use super::{ARC_MIN, Assumptions};
+use super::{ARC_MIN, knows_yaw_rate};
 use crate::error::{Error, Result};
 use crate::settings::{positive, settings};
 use crate::trajectory::State;
@@ -69,9 +69,8 @@ impl FrenetTarget {
         let (dt, vehicle) = (request.dt, request.vehicle);
         let n_points = (self.horizon / dt).round().max(1.0) as usize + 1;
         let horizon = (n_points - 1) as f64 * dt;
-        let knows_yaw_rate = request.previous.is_some() || request.state.velocity >= self.low_velocity;
-        if let Ok(start) = Start::new(request, Assumptions::NOMINAL.yaw_rate_counts && knows_yaw_rate) {
-            let limits = Limits::new(request, n_points, start.curvature, Assumptions::NOMINAL.slack);
+        if let Ok(start) = Start::new(request, knows_yaw_rate(request, self.low_velocity)) {
+            let limits = Limits::new(request, n_points, start.curvature);
             let wanted = self.t_min + 0.5 * (time + 1.0) * (self.horizon - self.t_min);
             let end = End {
                 offset: offset * self.d_max,

@@ -1,13 +1,12 @@
 //! How fast the agent wants to be: in time at the goal, comfortable in curves, at a safe distance to its leader.
 
 use super::super::arrival::{self, LOOK_AHEAD};
-use super::super::car_following::LEADER_HEADING_COSINE;
+use super::super::car_following::{LEADER_HEADING_COSINE, safe_velocity};
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
-use super::super::passing::{self, Detour, Leader, Passage, Place, Standing};
 use super::super::{Other, PlanRequest};
 use super::settings::{Comfort, FrenetSettings};
-use crate::barrier::{Barrier, BarrierReason, Barriers};
+use crate::barrier::{Barrier, Barriers};
 use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::{Aabb, Point};
 
@@ -18,8 +17,6 @@ const CURVE_REACH: f64 = 250.0;
 const CORRIDOR_MARGIN: f64 = 0.3;
 /// Reaction time of the safe speed before stop lines and the mouths of junctions [s]; that behind leaders is a setting.
 const LINE_REACTION: f64 = 1.0;
-/// Share of the comfortable deceleration with which an agent brakes before the end of a lane.
-const LANE_END_BRAKING: f64 = 0.7;
 /// Agents look for a higher speed limit so far ahead [s].
 const LIMIT_AHEAD: f64 = 1.0;
 /// One that is faster than the limit aims below it by this share of the excess, at most by so much [m/s], so that it does
@@ -45,18 +42,15 @@ pub(super) struct Targets {
     pub(super) stops: [Option<f64>; 3],
     /// Arc lengths that the rear axle must not pass [m], and until when.
     pub(super) barriers: Barriers,
-    /// Lateral position [m]: 0, on the way to another lane, or beside what stands in the way and is passed.
-    pub(super) offset: f64,
-    /// Slow agents move over within this length [m]; 0: as far as their wheels need.
-    pub(super) swing: f64,
 }
 
 /// A participant ahead on the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Ahead {
-    Leads(Leader),
-    /// It stands and can be passed.
-    Stands(Standing, Passage),
+struct Leader {
+    /// Arc length of its rear [m].
+    rear: f64,
+    /// Along the path [m/s].
+    velocity: f64,
 }
 
 impl Targets {
@@ -68,32 +62,13 @@ impl Targets {
         let approach = |one: &Barrier| approach_velocity(one, front, request.dt, comfort.deceleration);
         let (mut following, mut standing) =
             (all_barriers.iter().map(approach).fold(f64::INFINITY, f64::min), f64::INFINITY);
-        // An agent that finds no gap drives to the end of its lane slowly; it need not stop there.
-        let barriers = || all_barriers.iter().filter(|one| one.reason != BarrierReason::LaneEnd);
-        let lasting = || barriers().filter(|one| one.until > STOP_TIME).map(|one| one.s);
+        let lasting = || all_barriers.iter().filter(|one| one.until > STOP_TIME).map(|one| one.s);
         let stretch = Stretch::ahead(request, start);
-        let all = || {
-            let near = request.others.iter().filter(|other| stretch.may_hold(other));
-            near.filter_map(|other| ahead(other, request, start, settings))
-        };
-        let aside = start.d - request.lane_change.step.min(start.d.abs()).copysign(start.d);
-        let (mut offset, mut nearest) = (aside, front + passing::reach(start.velocity));
-        let (mut blocks, mut swing) = (Vec::new(), 0.0);
-        let mut follow = |leader: Leader| {
-            let gap = leader.rear - front - comfort.standstill_gap;
-            following = following.min(safe_velocity(gap, leader.velocity, (comfort.time_gap, comfort.deceleration)));
-            standing = standing.min(leader.rear + 0.5 * leader.velocity.powi(2) / comfort.deceleration);
-        };
-        for ahead in all() {
-            match ahead {
-                Ahead::Leads(leader) => follow(leader),
-                Ahead::Stands(Standing { rear, .. }, Passage::Here(beside)) => {
-                    if rear < nearest {
-                        (nearest, offset) = (rear, beside);
-                    }
-                }
-                Ahead::Stands(found, Passage::Opposite(beside)) => blocks.push((found.rear, found.front, beside)),
-            }
+        let near = request.others.iter().filter(|other| stretch.may_hold(other));
+        for Leader { rear, velocity } in near.filter_map(|other| leader(other, request, start)) {
+            let gap = rear - front - comfort.standstill_gap;
+            following = following.min(safe_velocity(gap, velocity, (comfort.time_gap, comfort.deceleration)));
+            standing = standing.min(rear + 0.5 * velocity.powi(2) / comfort.deceleration);
         }
         let goal = arrival::desired(
             request,
@@ -103,22 +78,6 @@ impl Targets {
             Some(0.0),
         );
         let (goal_velocity, goal_stop) = goal;
-        let goal_velocity = request.lane_change.velocity.unwrap_or(goal_velocity);
-        if let Some(detour) = Detour::past(&mut blocks, vehicle.length) {
-            // Where the agent has to stop there is no room to return, as behind a leader that stands.
-            let stops = lasting().chain(goal_stop.map(|s| s + front - start.s));
-            let stops = stops.map(|rear| Leader { rear, velocity: 0.0 });
-            // Looked for once more, as plans without a detour have to do without memory for them.
-            let leaders = all().filter_map(|ahead| if let Ahead::Leads(leader) = ahead { Some(leader) } else { None });
-            let leaders: Vec<Leader> = leaders.chain(stops).collect();
-            let comfortable = (comfort.deceleration, comfort.standstill_gap);
-            let place = Place { s: start.s, d: start.d, velocity: start.velocity };
-            if let Some(leader) = detour.wait(request, &place, &leaders, comfortable) {
-                follow(leader);
-            } else if detour.rear() < nearest {
-                (offset, swing) = (detour.offset, detour.swing(front));
-            }
-        }
         let middle = start.s + vehicle.rear_axle_to_center;
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
@@ -140,28 +99,17 @@ impl Targets {
         // Where it stands now it may stay.
         let for_axle = |s: f64| (s - LINE_CLEARANCE - (front - start.s)).max(start.s + ROUNDING);
         let mut axle_barriers = Barriers::NONE;
-        axle_barriers.extend(barriers().map(|one| Barrier { s: for_axle(one.s), ..*one }));
+        axle_barriers.extend(all_barriers.iter().map(|one| Barrier { s: for_axle(one.s), ..*one }));
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, limit, stops, barriers: axle_barriers, offset, swing }
+        Self { velocity, limit, stops, barriers: axle_barriers }
     }
 }
 
 /// Speed at which an agent drives towards a barrier [m/s]: it can stop there, or arrives when it opens.
 fn approach_velocity(barrier: &Barrier, front: f64, dt: f64, deceleration: f64) -> f64 {
-    if barrier.reason == BarrierReason::LaneEnd {
-        return safe_velocity(barrier.s - front, 0.0, (LINE_REACTION, LANE_END_BRAKING * deceleration));
-    }
     let room = barrier.s - LINE_GAP - front;
     let safe = safe_velocity(room, 0.0, (LINE_REACTION, deceleration));
     if barrier.until.is_finite() { safe.max(room / barrier.until.max(dt)) } else { safe }
-}
-
-/// Gipps' safe speed: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
-/// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
-fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
-    let lag = b * reaction;
-    let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
-    (radicand.max(0.0).sqrt() - lag).max(0.0)
 }
 
 /// How far away leaders are looked for [m], beyond their size.
@@ -216,9 +164,9 @@ impl Stretch {
     }
 }
 
-/// The participant as a leader or as one to be passed, if it is ahead, its footprint in the corridor between the agent and
+/// The participant as a leader, if it is ahead, its footprint in the corridor between the agent and
 /// the path, and it stands or moves along the path. Structures of several parts are left to the collision test.
-fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetSettings) -> Option<Ahead> {
+fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader> {
     if other.is_static && other.shape.parts().len() > 1 {
         return None;
     }
@@ -251,10 +199,7 @@ fn ahead(other: &Other, request: &PlanRequest, start: &Start, settings: &FrenetS
     if !ahead || beside || !(stands || moves_along) {
         return None;
     }
-    let rear = s - half_s;
-    let found = Standing { rear, front: s + half_s, d, half_d, cos };
-    let passage = if stands { found.passage(other, request, settings.d_max) } else { None };
-    Some(passage.map_or(Ahead::Leads(Leader { rear, velocity }), |passage| Ahead::Stands(found, passage)))
+    Some(Leader { rear: s - half_s, velocity })
 }
 
 /// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or
@@ -296,13 +241,6 @@ mod tests {
     use crate::plan::frenet::tests::choice::random_drive;
 
     #[test]
-    fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {
-        for v in [3.0, 10.0, 25.0] {
-            assert!((safe_velocity(v * 0.85, v, (0.85, 3.0)) - v).abs() < 1e-9);
-        }
-    }
-
-    #[test]
     fn no_leader_is_outside_the_stretch_ahead() {
         let mut random = Lcg::new(41);
         let (mut n_leaders, mut n_outside) = (0, 0);
@@ -311,9 +249,7 @@ mod tests {
                 let Ok(start) = Start::new(request, true) else { return };
                 let stretch = Stretch::ahead(request, &start);
                 for other in request.others {
-                    let settings = FrenetSettings::default();
-                    let (may_hold, is_leader) =
-                        (stretch.may_hold(other), ahead(other, request, &start, &settings).is_some());
+                    let (may_hold, is_leader) = (stretch.may_hold(other), leader(other, request, &start).is_some());
                     assert!(may_hold || !is_leader, "{other:?}");
                     n_leaders += usize::from(is_leader);
                     n_outside += usize::from(!may_hold);
@@ -321,11 +257,5 @@ mod tests {
             });
         }
         assert!(n_leaders > 100 && n_outside > 100, "{n_leaders} {n_outside}");
-    }
-
-    #[test]
-    fn nothing_is_safe_without_a_gap_to_a_standing_leader() {
-        assert_eq!(safe_velocity(0.0, 0.0, (1.0, 3.0)), 0.0);
-        assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
     }
 }

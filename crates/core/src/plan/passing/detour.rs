@@ -14,9 +14,6 @@ const GAP_UNDER_WAY: f64 = 0.5;
 /// from the other end can return before it.
 const WAITING_GAP: f64 = 7.0;
 const YIELDING_GAP: f64 = 11.0;
-/// Offset of the front at which the swing ends [m], and the shortest and longest swing.
-const SWING_BESIDE: f64 = 2.0;
-const SWING: (f64, f64) = (6.0, 12.0);
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
 const ACCELERATION: f64 = 1.0;
 const SPEED: f64 = 6.0;
@@ -80,11 +77,6 @@ impl Detour {
     /// Arc length of its nearest point [m].
     pub(in crate::plan) fn rear(&self) -> f64 {
         self.rear
-    }
-
-    /// Length in which an agent has moved over that starts from rest, with its front at an arc length [m].
-    pub(in crate::plan) fn swing(&self, front: f64) -> f64 {
-        (self.rear - front + SWING_BESIDE).clamp(SWING.0, SWING.1)
     }
 
     /// What the agent follows at a gap [m] until it may pass; `None` if it may pass now. It depends on nothing but what the

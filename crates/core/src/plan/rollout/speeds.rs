@@ -3,7 +3,7 @@
 
 use super::super::PlanRequest;
 use super::super::arrival;
-use super::super::car_following::PathMotion;
+use super::super::car_following::{PathMotion, safe_velocity};
 use super::super::conflicts::{Conflicts, Ego};
 use super::super::speed_profile::SpeedProfile;
 use super::settings::{Comfort, RolloutWeights};
@@ -229,14 +229,6 @@ fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &
     if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
 
-/// Gipps' safe speed [m/s]: the agent can stop without contact if the leader brakes as hard as the agent finds comfortable
-/// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
-fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
-    let lag = b * reaction;
-    let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
-    (radicand.max(0.0).sqrt() - lag).max(0.0)
-}
-
 /// Largest comfortable jerk at a speed [m/s³].
 fn jerk(velocity: f64, comfort: &Comfort) -> f64 {
     let fast = ((velocity - JERK_SPEEDS.0) / (JERK_SPEEDS.1 - JERK_SPEEDS.0)).clamp(0.0, 1.0);
@@ -269,17 +261,4 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
         before = acceleration;
     }
     Speeds { velocity: velocities, acceleration: accelerations, s }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {
-        for v in [3.0, 10.0, 25.0] {
-            assert!((safe_velocity(v * 0.85, v, (0.85, 3.0)) - v).abs() < 1e-9);
-        }
-        assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
-    }
 }

@@ -21,26 +21,15 @@ pub(in crate::plan::frenet) struct Contact {
     pub(in crate::plan::frenet) other: usize,
     /// Interval in which it happens; interval `i` ends at point `i + 1`.
     pub(in crate::plan::frenet) interval: usize,
-    /// Difference of the velocities [m/s].
-    pub(in crate::plan::frenet) closing_speed: f64,
-    /// The agent's own speed, the higher one of those at both ends of the interval [m/s].
-    pub(in crate::plan::frenet) speed: f64,
-}
-
-impl Contact {
-    /// With no more kinetic energy, neither the agent's own nor that of the relative motion.
-    pub(in crate::plan::frenet) fn is_no_harder_than(&self, other: &Contact) -> bool {
-        self.speed <= other.speed && self.closing_speed <= other.closing_speed
-    }
 }
 
 impl Obstacles {
     /// First contact of a sample with a mode that counts, if any.
     ///
-    /// Not a contact: a participant behind the agent's rear with the same heading, while the agent stays in its lane or
-    /// changes into a gap that is large enough (it would hit the agent, so keeping the distance is its task), or a
-    /// participant that comes second and must yield, unless the agent changes lanes, from then on for good; an overlap
-    /// that exists from the start, until it first ends, as long as the centres do not approach.
+    /// Not a contact, while the agent stays in its lane and from then on for good: a participant behind the agent's rear
+    /// with the same heading (it would hit the agent, so keeping the distance is its task), or a participant that comes
+    /// second and must yield. Nor is an overlap that exists from the start, until it first ends, as long as the centres
+    /// do not approach.
     pub(in crate::plan::frenet) fn first_contact(
         &mut self,
         points: &[Waypoint],
@@ -88,15 +77,10 @@ impl Obstacles {
         }
         let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
         let time = (interval + 1) as f64 * dt;
-        let change = &request.lane_change;
-        let keeps_distance = (keeps_lane || change.is_accepted) && is_follower(&ego, &swept.end);
-        let waits = keeps_lane && !change.is_under_way && must_yield(&ego, &swept, dt, time);
-        if keeps_distance || waits {
+        if keeps_lane && (is_follower(&ego, &swept.end) || must_yield(&ego, &swept, dt, time)) {
             return Meeting::Ignored;
         }
-        let closing_speed = (pair[1].center - pair[0].center - swept.displacement).norm() / dt;
-        let speed = pair[0].velocity.abs().max(pair[1].velocity.abs());
-        Meeting::Contact(Contact { other, interval, closing_speed, speed })
+        Meeting::Contact(Contact { other, interval })
     }
 }
 

@@ -1,11 +1,10 @@
 //! Where the agent's footprint can get; participants that stay away from there are skipped.
 
 use super::super::grid::SampleGrid;
-use super::super::whole::Wholes;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
-use crate::plan::frame::{Start, Waypoint};
+use crate::plan::frame::Start;
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;
@@ -48,12 +47,11 @@ impl Default for Reach {
 
 impl Reach {
     /// The path from the start to beyond the furthest arc length of any sample at each point, grown by the lateral range
-    /// and the agent's size, and the plan of before.
-    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &SampleGrid, wholes: &Wholes) {
+    /// and the agent's size.
+    pub(super) fn find(&mut self, request: &PlanRequest, start: &Start, samples: &SampleGrid) {
         let vehicle = request.vehicle;
         let (half_length, half_width) = (0.5 * vehicle.length, 0.5 * vehicle.width);
         let size = (vehicle.rear_axle_to_center + half_length).hypot(half_width);
-        let radius = half_length.hypot(half_width);
         let widest = samples.end_offsets.iter().fold(start.d.abs(), |widest, d| widest.max(d.abs()));
         // A quintic that begins with a slope and a bend overshoots by at most so much, see `SampleGrid::lateral_bounds`.
         let way = (samples.furthest[samples.n_points - 1] - start.s)
@@ -68,22 +66,14 @@ impl Reach {
         let local = |p: Point| Point::new((p - origin).dot(axis), axis.cross(p - origin));
         let mut next = knot(start.s);
         let mut region = Aabb::around([local(path.at(start.s).position), local(Point::new(x[next], y[next]))]);
-        let mut before = Aabb::EMPTY;
         for i in 0..samples.n_points {
             let last = (knot(samples.furthest[i] + LEAD) + 1).min(x.len() - 1);
             while next < last {
                 next = (next + KNOTS).min(last);
                 region = region.including(local(Point::new(x[next], y[next])));
             }
-            let mut reached = region.grown(size + sideways + BULGE);
-            for whole in wholes.iter() {
-                before = before.including(local(whole.points[i].center));
-            }
-            if !wholes.is_empty() {
-                reached = reached.union(before.grown(radius));
-            }
             if i > 0 {
-                self.set(i, reached);
+                self.set(i, region.grown(size + sideways + BULGE));
             }
         }
     }
@@ -113,19 +103,6 @@ impl Reach {
         let (middle, half) = (self.whole.min.lerp(self.whole.max, 0.5), (self.whole.max - self.whole.min) * 0.5);
         let center = self.origin + self.axis * middle.x + self.axis.left() * middle.y;
         OrientedBox { center, axis: self.axis, half_length: half.x, half_width: half.y }
-    }
-
-    /// A circle around each point but the first lies in the region.
-    pub(super) fn holds(&self, points: &[Waypoint], radius: f64) -> bool {
-        points.iter().enumerate().skip(1).all(|(i, point)| {
-            let offset = point.center - self.origin;
-            let (ahead, left) = (offset.dot(self.axis), self.axis.cross(offset));
-            let side = |k: usize| f64::from(self.sides[k * self.stride + i - 1]);
-            ahead - radius >= side(0)
-                && ahead + radius <= side(1)
-                && left - radius >= side(2)
-                && left + radius <= side(3)
-        })
     }
 
     /// Unit vector along the agent's heading.
@@ -169,7 +146,7 @@ mod tests {
     use crate::plan::frenet::{FrenetSettings, Rejection, candidates, n_points};
 
     #[test]
-    fn no_footprint_of_a_sample_or_of_the_previous_plan_is_out_of_reach() {
+    fn no_footprint_of_a_sample_is_out_of_reach() {
         let (mut random, mut reach, mut n_samples) = (Lcg::new(31), Reach::default(), 0);
         for _ in 0..40 {
             let drive = random_drive(&mut random);
@@ -177,12 +154,11 @@ mod tests {
             drive.with_request(|request| {
                 let Ok(start) = Start::new(request, true) else { return };
                 let n_points = n_points(request, &settings);
-                let limits = Limits::new(request, n_points, start.curvature, 1.0);
+                let limits = Limits::new(request, n_points, start.curvature);
                 let targets = Targets::new(request, &start, &settings);
-                let (mut samples, mut wholes) = (SampleGrid::default(), Wholes::default());
+                let mut samples = SampleGrid::default();
                 let path = &request.route.path;
                 let inputs = crate::plan::frenet::grid::Inputs {
-                    is_narrow: false,
                     start: &start,
                     targets: &targets,
                     limits: &limits,
@@ -190,8 +166,7 @@ mod tests {
                     path,
                 };
                 samples.generate(&inputs);
-                wholes.shift(request, &start, &limits, &targets, &settings.weights);
-                reach.find(request, &start, &samples, &wholes);
+                reach.find(request, &start, &samples);
                 let all = candidates(request, &settings);
                 let pose = request.state.pose();
                 let half = Point::new(0.5 * request.vehicle.length, 0.5 * request.vehicle.width);

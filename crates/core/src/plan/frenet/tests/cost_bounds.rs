@@ -5,7 +5,6 @@ use super::super::feasibility::Limits;
 use super::super::grid::SampleGrid;
 use super::super::obstacles::Obstacles;
 use super::super::targets::Targets;
-use super::super::whole::Wholes;
 use super::choice::random_drive;
 use crate::geometry::shape::Lcg;
 use crate::plan::frame::Start;
@@ -29,14 +28,13 @@ fn for_random_plans(mut look: impl FnMut(&mut SampleGrid, &mut TableCosts, &Limi
         let settings = FrenetSettings { d_max: random.within(0.5, 8.0), horizon, ..FrenetSettings::default() };
         drive.with_request(|request| {
             let Ok(start) = Start::new(request, true) else { return };
-            let limits = Limits::new(request, n_points(request, &settings), start.curvature, 1.0);
+            let limits = Limits::new(request, n_points(request, &settings), start.curvature);
             let mut targets = Targets::new(request, &start, &settings);
             if world % 3 == 0 {
                 targets.velocity = random.within(0.0, 30.0);
             }
-            let (mut obstacles, mut wholes) = (Obstacles::default(), Wholes::default());
-            let tables = (&mut samples, &mut costs, &mut obstacles, &mut wholes);
-            prepare(request, &settings, (&start, &targets, &limits, false), tables);
+            let tables = (&mut samples, &mut costs, &mut Obstacles::default());
+            prepare(request, &settings, (&start, &targets, &limits), tables);
             look(&mut samples, &mut costs, &limits, request);
         });
     }

@@ -116,11 +116,11 @@ fn headings_continue_that_of_the_agent_without_jumps() {
 
 #[test]
 fn a_start_beyond_the_limits_leaves_a_way_back() {
-    for (acceleration, yaw_rate) in [(-14.0, 0.0), (9.0, 0.0), (0.0, 0.9), (-12.5, -0.9)] {
+    for acceleration in [-14.0, -12.5, 9.0] {
         let mut drive = Drive::along(&straight((0.0, 0.0), (300.0, 0.0)), 60.0, 12.0);
-        (drive.state.acceleration, drive.state.yaw_rate) = (acceleration, yaw_rate);
+        drive.state.acceleration = acceleration;
         let result = drive.plan(&FrenetSettings::default());
-        assert_eq!(result.status, PlanStatus::Planned, "{acceleration} {yaw_rate}");
+        assert_eq!(result.status, PlanStatus::Planned, "{acceleration} m/s²");
     }
 }
 

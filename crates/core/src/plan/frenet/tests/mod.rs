@@ -6,11 +6,8 @@ pub(super) mod choice;
 mod closed_loop;
 mod golden;
 mod kinematics;
-mod narrow;
-mod passing;
 mod single;
 mod starts;
-mod steered;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
 use crate::control::Control;
