@@ -233,11 +233,12 @@ impl Surroundings {
             let keeps_lane = (points[i].d - points[0].d).abs() < OWN_LANE;
             let change = &request.lane_change;
             let is_behind = -apart.dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE;
-            if is_behind && (keeps_lane || change.is_accepted) {
+            let is_reversing = points[i - 1].velocity < 0.0 || points[i].velocity < 0.0;
+            if !is_reversing && is_behind && (keeps_lane || change.is_accepted) {
                 return None;
             }
             let time = i as f64 * request.dt;
-            if keeps_lane && !change.is_under_way && must_yield(&ego, other, moved, request.dt, time) {
+            if !is_reversing && keeps_lane && !change.is_under_way && must_yield(&ego, other, moved, request.dt, time) {
                 return None;
             }
             return Some(Contact { point: i, speed: (way - moved).norm() / request.dt, other: Some(body.other) });

@@ -12,6 +12,7 @@ mod speeds;
 mod steering;
 mod contacts;
 mod search;
+mod recovery;
 mod candidates;
 #[cfg(test)]
 mod tests;

@@ -63,15 +63,17 @@ pub(super) struct Best {
     pub(super) contact: Option<Contact>,
     /// Desired speed on a free and straight road [m/s].
     pub(super) wish: f64,
+    /// How far it comes [m].
+    pub(super) way: f64,
 }
 
 /// The search for one plan.
 pub(super) struct Search<'a> {
-    task: Task<'a>,
+    pub(super) task: Task<'a>,
     settings: &'a RolloutSettings,
-    memory: &'a mut RolloutMemory,
+    pub(super) memory: &'a mut RolloutMemory,
     free: Speeds,
-    obstructions: Obstructions,
+    pub(super) obstructions: Obstructions,
     /// Where the plan before ends, across the path [m].
     before: Option<f64>,
     /// A roll-out left the road.
@@ -104,6 +106,10 @@ impl<'a> Search<'a> {
     pub(super) fn run(mut self) -> Best {
         let request = self.task.request;
         let start = self.task.start;
+        if let Some(rollout) = self.reverse_on() {
+            self.recover(rollout);
+            return self.best.expect("it was driven");
+        }
         let change = &request.lane_change;
         // A change that is urgent aims at the middle of the lane.
         let step = if change.urgency > 1.0 { f64::INFINITY } else { change.step }.min(start.d.abs()).copysign(start.d);
@@ -120,7 +126,40 @@ impl<'a> Search<'a> {
         if self.is_in_danger() {
             self.evade();
         }
+        let comes = self.best.as_ref().map_or(0.0, |best| best.way);
+        if let Some(rollout) = self.settings.reverse.then(|| self.reverse(comes)).flatten() {
+            self.recover(rollout);
+        }
         self.best.expect("an agent can always brake")
+    }
+
+    /// Drives back, whatever else was better.
+    fn recover(&mut self, rollout: Rollout) {
+        let request = self.task.request;
+        let (velocity, acceleration) = rollout.points.iter().map(|point| (point.velocity, point.acceleration)).unzip();
+        let speeds = Speeds { velocity, acceleration, s: self.task.start.s };
+        let mut terms = [0.0; N_TERMS];
+        terms[..4].copy_from_slice(&speeds.terms(&self.free, (self.task.acceleration(), request.dt)));
+        let cost = self.settings.weights.as_array().iter().zip(&terms).map(|(weight, term)| weight * term).sum();
+        self.memory
+            .log
+            .record(request, &Evaluated { rollout: &rollout, terms, cost, pace: Pace::Reversing, contact: None });
+        self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, wish: self.task.wish, way: 0.0 });
+    }
+
+    /// It stays on the road and hits nobody, with its margins or without.
+    pub(super) fn is_free(&mut self, rollout: &Rollout, keeps_margin: bool) -> bool {
+        let request = self.task.request;
+        leaves_road(request, rollout, 0.0, &mut self.memory.road).is_none()
+            && self.memory.surroundings.first_contact(request, &rollout.points, keeps_margin).is_none()
+    }
+
+    /// The point at which it comes too near to the edge of the road or to somebody.
+    pub(super) fn first_fault(&mut self, rollout: &Rollout) -> Option<usize> {
+        let request = self.task.request;
+        let off_road = leaves_road(request, rollout, self.settings.road_margin, &mut self.memory.road);
+        let contact = self.memory.surroundings.first_contact(request, &rollout.points, true);
+        off_road.into_iter().chain(contact).map(|found| found.point).min()
     }
 
     fn cost(&self) -> f64 {
@@ -132,7 +171,7 @@ impl<'a> Search<'a> {
     }
 
     /// The vehicle on a way; `conflicts` are those there.
-    fn look(&mut self, target: f64) -> Ego<'a> {
+    pub(super) fn look(&mut self, target: f64) -> Ego<'a> {
         let Start { s, d, velocity, .. } = self.task.start;
         let request = self.task.request;
         let ego = Ego { target, ..Ego::new(request, &request.route.path, (s, velocity, d), RETURN_TIME) };
@@ -143,7 +182,7 @@ impl<'a> Search<'a> {
         ego
     }
 
-    fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
+    pub(super) fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
         let RolloutMemory { conflicts, profile, .. } = &mut *self.memory;
         Speeds::at(&self.task, (pace, ego), (conflicts, profile), &self.free)
     }
@@ -283,7 +322,8 @@ impl<'a> Search<'a> {
         self.is_narrow |= off_road.is_some();
         if cost < self.cost() {
             let is_emergency = proposal.is_emergency;
-            let best = Best { cost, is_emergency, rollout: rollout.clone(), contact: first, wish: self.task.wish };
+            let way = proposal.speeds.s - self.task.start.s;
+            let best = Best { cost, is_emergency, rollout: rollout.clone(), contact: first, wish: self.task.wish, way };
             self.best = Some(best);
         }
         self.memory.rollout = rollout;

@@ -70,6 +70,8 @@ settings! {
         margin_width: f64 ["m"] = 0.1, between(0.0, 100.0);
         /// Smallest probability of a predicted mode that a plan must not hit; the most probable mode always counts.
         collision_mode_probability: f64 = 0.2, between(0.0, 1.0);
+        /// Drives back a little where it stands wedged.
+        reverse: bool = true;
         /// Weights of the cost.
         weights: RolloutWeights;
         /// Comfortable driving.

@@ -42,6 +42,8 @@ const ROOM_MIN: f64 = 0.1;
 const SPEED_RESERVE: f64 = 0.7;
 /// More than any rounding of a speed [m/s].
 const ROUNDING: f64 = 1e-9;
+/// Deceleration with which a vehicle that rolls backwards comes to a stop [m/s²].
+const ROLLING_BRAKING: f64 = 3.0;
 /// Walking pace [m/s].
 const WALKING_SPEED: f64 = 1.5;
 /// How far ahead curves and limits count [m], and for how long [s].
@@ -66,6 +68,8 @@ pub(super) enum Pace {
     Braking,
     /// Stops with a share of the vehicle's largest deceleration.
     Emergency(f64),
+    /// Drives back.
+    Reversing,
 }
 
 impl Pace {
@@ -80,6 +84,7 @@ impl Pace {
             Self::Stopping => "stopping",
             Self::Braking => "braking",
             Self::Emergency(_) => "emergency",
+            Self::Reversing => "reversing",
         }
     }
 }
@@ -151,6 +156,7 @@ impl Speeds {
     ) -> Option<Self> {
         let (comfort, vehicle) = (task.comfort, task.request.vehicle);
         match pace {
+            Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
             Pace::Yielding | Pace::Share(_) | Pace::Walking | Pace::Stopping | Pace::Braking => {
@@ -239,10 +245,19 @@ fn jerk(velocity: f64, comfort: &Comfort) -> f64 {
 fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds {
     let Task { request, comfort, start, n_points, .. } = *task;
     let (vehicle, dt, limits) = (request.vehicle, request.dt, &request.rules.way.limits);
-    let (mut s, mut velocity) = (start.s, start.velocity);
+    let (mut s, mut velocity) = (start.s, start.velocity + start.rolling);
     let mut before = task.acceleration();
     let (mut velocities, mut accelerations) = (Vec::with_capacity(n_points), Vec::with_capacity(n_points));
     for point in 0..n_points {
+        if velocity < 0.0 {
+            let acceleration = ROLLING_BRAKING.min(vehicle.acceleration_max).min(-velocity / dt);
+            velocities.push(velocity);
+            accelerations.push(acceleration);
+            s += (velocity + 0.5 * acceleration * dt) * dt;
+            velocity = if velocity + acceleration * dt > -ROUNDING { 0.0 } else { velocity + acceleration * dt };
+            before = 0.0;
+            continue;
+        }
         let is_speeding = velocity > limits.at(s + vehicle.rear_axle_to_center) + SPEEDING.0;
         let wanted = law(point, s, velocity).min(if is_speeding { -SPEEDING.1 } else { f64::INFINITY });
         let jerk = jerk(velocity, comfort);

@@ -113,9 +113,8 @@ impl Rollout {
         let step = LIMIT_SHARE * vehicle.steering_step(dt);
         let tightest = vehicle.curvature_max();
         let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
-        let mut axle = vehicle.rear_axle_from_center(request.state.pose());
-        let mut theta = request.state.orientation;
-        let (mut s, mut curvature, mut before) = (start.s, start.curvature, start.velocity);
+        let (mut axle, mut theta) = (start.axle, start.theta);
+        let (mut s, mut curvature, mut before) = (start.s, start.curvature, start.velocity + start.rolling);
         let mut at = point_at(path, s);
         let mut d = start.d;
         self.points.clear();
@@ -123,6 +122,7 @@ impl Rollout {
         for (i, (&velocity, &acceleration)) in speeds.velocity.iter().zip(&speeds.acceleration).enumerate() {
             if i > 0 {
                 let wanted = match steering.held {
+                    None if before < 0.0 => curvature,
                     Some((held, until)) if i as f64 * dt <= until => match held {
                         Held::Present => start.curvature,
                         Held::Share(share) => share * tightest,
@@ -138,7 +138,7 @@ impl Rollout {
                         ahead - (error / length + 2.0 * wrap_angle(theta - at.theta)) / length
                     }
                 };
-                let fastest = velocity.max(before);
+                let fastest = velocity.abs().max(before.abs());
                 let held = LIMIT_SHARE * vehicle.lateral_acceleration_beside(acceleration) / fastest.powi(2).max(1e-6);
                 let next = if i == 1 && start.stands {
                     curvature = wanted.clamp(-tightest, tightest);
@@ -156,7 +156,7 @@ impl Rollout {
                 let offset = axle - at.position;
                 d = at.tangent().cross(offset);
                 let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
-                s += way + ahead.clamp(-2.0 * way - 0.1, 2.0 * way + 0.1);
+                s += way + ahead.clamp(-2.0 * way.abs() - 0.1, 2.0 * way.abs() + 0.1);
                 let beyond = velocity * velocity * (curvature - at.curvature);
                 self.lateral += beyond * beyond * dt;
                 self.offset += d.abs() * dt;

@@ -143,8 +143,8 @@ fn from_any_state_a_plan_starts_there_and_keeps_the_limits_of_the_vehicle() {
         for k in 1..points.len() {
             let (before, now) = (&points[k - 1], &points[k]);
             assert!(now.is_finite());
-            assert!(now.velocity >= 0.0, "{now:?}");
-            let acceleration = (now.velocity - before.velocity.max(0.0)) / drive.dt;
+            assert!(now.velocity >= before.velocity.min(0.0), "{now:?}");
+            let acceleration = (now.velocity - before.velocity) / drive.dt;
             assert!(acceleration.abs() <= vehicle.acceleration_max + 1e-9, "{acceleration} m/s²");
             assert!(
                 curvature(k).is_nan() || curvature(k).abs() <= vehicle.curvature_max() + 1e-9,
@@ -157,7 +157,7 @@ fn from_any_state_a_plan_starts_there_and_keeps_the_limits_of_the_vehicle() {
                 assert!(rate.is_nan() || rate.abs() <= vehicle.steering_rate_max + 1e-6, "{rate} rad/s at {k}");
             }
             let moved = Point::new(now.x - before.x, now.y - before.y).norm();
-            let fastest = now.velocity.max(before.velocity.abs()) * drive.dt;
+            let fastest = now.velocity.abs().max(before.velocity.abs()) * drive.dt;
             // The centre of the footprint is ahead of the rear axle, which has this speed.
             let swing = (now.orientation - before.orientation).abs() * vehicle.rear_axle_to_center;
             assert!(moved <= fastest + swing + 1e-6, "{moved} m at {} m/s", now.velocity);
@@ -187,4 +187,52 @@ fn the_chosen_candidate_is_the_plan() {
         assert!((point.x - found.x[at]).hypot(point.y - found.y[at]) < 1e-9, "point {k}");
     }
     assert!(found.cost.iter().zip(&found.rejection).all(|(cost, why)| *cost >= result.cost || !why.is_empty()));
+}
+
+/// Close behind a car that has broken down, with room beside it.
+fn behind_a_broken_down_car(gap: f64) -> Drive {
+    let mut drive = in_a_lane(8.0, 0.0);
+    let length = drive.vehicle.length;
+    let car = Car { is_static: true, ..Car::at(drive.state.x + length + gap, 0.0, 0.0, 0.0) };
+    drive.cars.push(car);
+    drive
+}
+
+#[test]
+fn a_vehicle_too_close_to_what_has_broken_down_backs_out_and_passes_it() {
+    let mut drive = behind_a_broken_down_car(0.15);
+    let slowest = drive_on(&mut drive, 20.0);
+    let (s, _) = drive.place();
+    assert!((-1.5..-0.3).contains(&slowest), "{slowest} m/s");
+    assert!(s > 80.0, "{s} m");
+}
+
+#[test]
+fn nobody_backs_out_where_it_is_switched_off_or_behind_a_car_that_waits() {
+    let settings = RolloutSettings { reverse: false, ..RolloutSettings::default() };
+    let mut drive = behind_a_broken_down_car(0.15);
+    for _ in 0..40 {
+        let result = drive.with_request(|r| plan(r, &settings, &mut RolloutMemory::default()).expect("a plan"));
+        drive.step(result);
+        assert!(drive.state.velocity >= 0.0);
+    }
+    let mut queue = in_a_lane(3.5, 0.0).with_cars(vec![Car::at(56.5, 0.0, 0.0, 0.0)]);
+    assert!(drive_on(&mut queue, 6.0) >= 0.0);
+}
+
+#[test]
+fn a_reversal_ends_before_what_comes_from_behind() {
+    let mut drive = behind_a_broken_down_car(0.15);
+    for _ in 0..40 {
+        let result = planned(&drive);
+        drive.step(result);
+        if drive.state.velocity < -0.4 {
+            break;
+        }
+    }
+    assert!(drive.state.velocity < -0.4, "{} m/s", drive.state.velocity);
+    let near = drive.state.x - drive.vehicle.length - 0.6;
+    drive.cars.push(Car { is_static: true, ..Car::at(near, 0.0, 0.0, 0.0) });
+    drive_on(&mut drive, 3.0);
+    assert!(drive.state.velocity >= 0.0);
 }
