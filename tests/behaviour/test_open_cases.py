@@ -219,7 +219,7 @@ def test_an_agent_drives_an_empty_ring_to_its_end(planner, lanes, radius):
         ("frenet", 25.0),
         ("rollout", 25.0),
         ("idm_mobil", 40.0),
-        pytest.param("frenet", 18.5, marks=missing("frenet begins the lane change and takes it back")),
+        ("frenet", 18.5),
         ("rollout", 18.5),
         pytest.param("idm_mobil", 18.5, marks=missing(OFF_THE_RING)),
         pytest.param("idm_mobil", 25.0, marks=missing(OFF_THE_RING)),
@@ -294,12 +294,7 @@ def test_an_agent_that_stands_askew_inside_a_junction_drives_off(planner, beside
 @pytest.mark.parametrize(
     ("planner", "gap", "ahead"),
     [
-        pytest.param(
-            "frenet",
-            26.0,
-            0.0,
-            marks=missing("frenet does not fall back into the gap of 21.5 m behind the car beside it"),
-        ),
+        ("frenet", 26.0, 0.0),
         pytest.param("rollout", 26.0, 0.0, marks=missing("rollout does not fall back into that gap either")),
         pytest.param("idm_mobil", 26.0, 0.0, marks=missing("idm_mobil falls so far back that it is 1.7 s late")),
         ("frenet", 26.0, 13.0),

@@ -1,18 +1,21 @@
 //! Recovery: a vehicle that stands wedged drives back a little with its wheels turned, and on from there.
 
+use super::super::Other;
 use super::super::frame::project;
 use super::search::Search;
 use super::speeds::{Pace, Speeds};
 use super::start::Start;
 use super::steering::{Rollout, RolloutPoint, Steering};
-use crate::conduct::STANDSTILL_SPEED;
+use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::geometry::Point;
-use crate::trajectory::State;
+use crate::trajectory::{State, Trajectory};
 
 /// A plan that comes less far than this is stuck [m].
 const STUCK_WAY: f64 = 1.0;
 /// With a way back the agent must come further by this than without [m].
 const GAIN: f64 = 2.0;
+/// Nobody moves within this distance [m].
+const CLEAR: f64 = 12.0;
 /// Ways back [m]; within 3 s, so that a plan shows all of it.
 const WAYS: [f64; 3] = [1.0, 2.0, 3.0];
 /// Shares of the tightest curvature that are held on the way back. Of ways back that help, the straightest counts, then the
@@ -44,8 +47,15 @@ impl Search<'_> {
     pub(super) fn reverse(&mut self, best_way: f64) -> Option<Rollout> {
         let request = self.task.request;
         let start = self.task.start;
-        let stood = request.previous.is_some_and(|plan| way(&plan.points) < STUCK_WAY);
-        if !start.stands || best_way >= STUCK_WAY || !stood || self.obstructions.wait.is_some() {
+        let stood =
+            |plan: &Trajectory| plan.points[0].velocity.abs() < STANDSTILL_SPEED && way(&plan.points) < STUCK_WAY;
+        if !start.stands || best_way >= STUCK_WAY || !request.previous.is_some_and(stood) {
+            return None;
+        }
+        let here = request.state.pose().position;
+        let moves =
+            |other: &Other| other.velocity.abs() > STATIONARY_SPEED && other.pose.position.distance(here) < CLEAR;
+        if self.obstructions.wait.is_some() || request.others.iter().any(moves) {
             return None;
         }
         let ego = self.look(0.0);
