@@ -22,6 +22,7 @@ _HOME = {
     "__version__": "_core",
     "AgentSettings": "scenario.agents",
     "GoalSettings": "scenario.agents",
+    "STYLES": "config.styles",
     "batch": "batches",
     "read_batch": "batches",
     "Benchmark": "benchmarks",

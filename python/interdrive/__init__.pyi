@@ -5,6 +5,7 @@ from interdrive.batches import batch as batch, read_batch as read_batch
 from interdrive.benchmarks import Benchmark as Benchmark, benchmark as benchmark
 from interdrive.config.agent_config import PlannersSpec as PlannersSpec, ViewsSpec as ViewsSpec
 from interdrive.config.schema import SettingsSpec as SettingsSpec, SimulationSettings as SimulationSettings
+from interdrive.config.styles import STYLES as STYLES
 from interdrive.config.specs import PlannerSpec as PlannerSpec, PredictorSpec as PredictorSpec
 from interdrive.errors import (
     InputError as InputError,

@@ -470,7 +470,7 @@ class RulesSettings:
         unseen: Be careful at junctions where buildings or parked vehicles hide a road with priority, if
             `view.occlusion`.
         passing: Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be
-            crossed and nobody is oncoming; planners `frenet` and `rollout` only.
+            crossed and nobody is oncoming; planner `rollout` only.
         trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they
             would have to brake hard.
         blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this

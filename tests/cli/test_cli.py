@@ -126,6 +126,17 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_the_defaults(simu
     assert given["settings"].view.sensor_radius == 50.0
 
 
+def test_a_style_is_a_preset_of_comfort_that_single_settings_change(simulated, here):
+    (here / "run.toml").write_text('style = "brisk"\n[planner.rollout.comfort]\njerk = 3.0\n')
+    assert invoke("run", "bend.xml", "--config", "run.toml").exit_code == 0
+    comfort = simulated.arguments["settings"].planner.rollout.comfort
+    assert (comfort.jerk, comfort.deceleration) == (3.0, 3.0)
+    single = ["--set", "planner.rollout.comfort.time_gap=2"]
+    assert invoke("run", "bend.xml", "--config", "run.toml", "--style", "calm", *single).exit_code == 0
+    comfort = simulated.arguments["settings"].planner.rollout.comfort
+    assert (comfort.jerk, comfort.deceleration, comfort.time_gap) == (3.0, 1.5, 2.0)
+
+
 def test_a_planner_per_agent_comes_from_the_command_line_and_from_the_file(simulated, here):
     (here / "run.toml").write_text(
         'agents = [1, 2]\n[run]\nplanner = "frenet,lazy=false"\n[planner.frenet]\nhorizon = 2.0\n'
@@ -209,6 +220,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
             "step.replan_every: must be 1 to 10000, not 0",
         ),
         (["run", "bend.xml", "--set", "seed"], "--set seed: write it as name=value"),
+        (["run", "bend.xml", "--style", "brsk"], "style: there is no style 'brsk'; did you mean brisk?"),
         (["run", "bend.xml", "--seed", "x"], "--seed: expected a whole number, not 'x'"),
         (["run", "bend.xml", "--threads", "x"], "--threads: expected a whole number or none, not 'x'"),
         (["run", "bend.xml", "--config", "none.toml"], "none.toml: no such file"),

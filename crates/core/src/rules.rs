@@ -58,7 +58,7 @@ settings! {
         /// Be careful at junctions where buildings or parked vehicles hide a road with priority, if `view.occlusion`.
         unseen: bool = true;
         /// Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be crossed
-        /// and nobody is oncoming; planners `frenet` and `rollout` only.
+        /// and nobody is oncoming; planner `rollout` only.
         passing: bool = true;
         /// Rely on vehicles that do not obey to give way at junctions where they should, even if they would have to
         /// brake hard.

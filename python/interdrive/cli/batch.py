@@ -12,6 +12,7 @@ import click
 from interdrive.cli.arguments import assigned, raw_option, shown
 from interdrive.cli.config import BatchChoices, read_config
 from interdrive.config.binding import bind
+from interdrive.config.styles import style_settings
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,6 +46,11 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 )
 @click.option("--alone", is_flag=True, default=None, help="Simulate each agent under test in a run of its own.")
 @click.option("--seeds", metavar="N", help="Number of seeds for the choice of agents (1).")
+@click.option(
+    "--style",
+    metavar="calm|normal|brisk",
+    help="How gently agents with the planner rollout drive; settings under planner.rollout.comfort take precedence.",
+)
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
@@ -147,17 +153,23 @@ def _configured(
     """Choices and settings: defaults, then the file, then the command line."""
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
 
-    choices, settings = BatchChoices(), SimulationSettings()
+    choices = BatchChoices()
+    values: dict[str, Any] = {}
     if config is not None:
         in_file, own, values = read_config(Path(config), BatchChoices, "batch")
         if own:
             raise InputError(f"{config}: agent.{next(iter(own))}: a batch has one planner for all agents under test")
         try:
-            choices, settings = bind(choices, in_file), bind(settings, values)
+            choices = bind(choices, in_file)
         except InputError as error:
             raise error.within(config) from None
     try:
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
+    settings = bind(SimulationSettings(), style_settings(choices.style))
+    try:
+        settings = bind(settings, values)
+    except InputError as error:
+        raise error.within(str(config)) from None
     return choices, bind(settings, values_given)

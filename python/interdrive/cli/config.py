@@ -25,6 +25,7 @@ class RunChoices:
     agents: int | tuple[int, ...] | str = "all"
     planner: str = DEFAULT_PLANNER
     predictor: str = "neural"
+    style: str = "normal"
     v2x: float | None = None
     seed: int = 0
     threads: int | None = None
@@ -43,6 +44,7 @@ class BatchChoices:
     paths: tuple[str, ...] = ()
     planner: tuple[str, ...] = (DEFAULT_PLANNER,)
     predictor: tuple[str, ...] = ("neural",)
+    style: str = "normal"
     agents: int | str = "all"
     traffic: str | None = None
     alone: bool = False

@@ -13,6 +13,7 @@ from interdrive.cli.arguments import assigned, choices_by_agent, claimed_folder,
 from interdrive.cli.config import RunChoices, read_config
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
+from interdrive.config.styles import style_settings
 from interdrive.errors import InputError, InterdriveError
 
 if TYPE_CHECKING:
@@ -53,6 +54,11 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--predictor",
     metavar="PREDICTOR[,NAME=VALUE...]",
     help="Predictor: neural (default), another one listed by `interdrive predictors`, or module:object.",
+)
+@click.option(
+    "--style",
+    metavar="calm|normal|brisk",
+    help="How gently agents with the planner rollout drive; settings under planner.rollout.comfort take precedence.",
 )
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
@@ -181,7 +187,8 @@ def _configured(
         choices = bind(choices, given)
     except InputError as error:
         raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
-    settings = bind(SimulationSettings(), _RECORDED if choices.report else {})
+    style = style_settings(choices.style)
+    settings = bind(SimulationSettings(), {**style, **(_RECORDED if choices.report else {})})
     try:
         settings = bind(settings, values)
     except InputError as error:
