@@ -86,6 +86,17 @@ def test_a_decision_that_lasts_longer_adds_up_its_rewards():
     assert len(two) == -(-len(one) // 5)
 
 
+def test_a_learner_reverses_only_if_it_starts_so_and_brakes_whatever_it_asks_for():
+    start = problem(1, 20.0, velocity=-2.0, goal=(70.0, 0.0), time_step=(1, 100))
+    env = envs.DriveEnv(scenarios=world(straight_road(300.0), problems=[start]), record=True, max_seconds=2.0)
+    driven(env, [1.0, 0.0])
+    speeds = env.unwrapped.run().states.velocity[0]
+    # It brakes with 8 m/s², and then accelerates with 4 m/s².
+    assert speeds[:5] == pytest.approx([-2.0, -1.2, -0.4, 0.0, 0.4])
+    driven(env, [-1.0, 0.0])
+    assert env.unwrapped.run().states.velocity[0, 3:].max() == env.unwrapped.run().states.velocity[0, 3:].min() == 0.0
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_many_worlds_in_one_call_equal_as_many_single_environments(mode):
     n, settings = 3, {"scenarios": ["t_junction", "lane_merge"], "start": "random"}

@@ -15,6 +15,11 @@ pub const CRAWLING_SPEED: f64 = 1.0;
 /// stand by their own measure, so that no agent is judged for a stop that it has made.
 pub const JUDGED_STANDSTILL_SPEED: f64 = 0.2;
 
+/// A vehicle with this speed along its heading [m/s] reverses: slower motions backwards are standing.
+pub fn reverses(velocity: f64) -> bool {
+    velocity < -STANDSTILL_SPEED
+}
+
 /// Comfortable braking [m/s²]: with more than this no vehicle has to stop for a light that changes, and none is expected to
 /// brake to give way. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation Engineers).
 pub const COMFORTABLE_DECELERATION: f64 = 3.0;
@@ -47,7 +52,12 @@ pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, accelerati
 
 #[cfg(test)]
 mod tests {
-    use super::travel_time;
+    use super::{reverses, travel_time};
+
+    #[test]
+    fn who_moves_backwards_faster_than_standing_reverses() {
+        assert_eq!([-1.5, -0.11, -0.1, 0.0, 1.5].map(reverses), [true, true, false, false, false]);
+    }
 
     #[test]
     fn the_time_for_a_distance_follows_from_speed_and_acceleration() {

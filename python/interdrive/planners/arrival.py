@@ -42,11 +42,11 @@ def arrival_velocity(view: View, reserve: float) -> float:
 
 
 def braking_along_arc(view: View, n_points: int, deceleration: float) -> Trajectory:
-    """Trajectory that brakes [m/s²] with the present steering until the agent stands."""
+    """Trajectory that brakes [m/s²] with the present steering until the agent stands, also from rolling backwards."""
     ego, t = view.ego, view.dt * np.arange(n_points)
-    velocity = np.maximum(ego.velocity - deceleration * t, 0.0)
+    velocity = np.copysign(np.maximum(abs(ego.velocity) - abs(deceleration) * t, 0.0), ego.velocity)
     travelled = np.append(0.0, np.cumsum(0.5 * view.dt * (velocity[1:] + velocity[:-1])))
-    curvature = ego.yaw_rate / ego.velocity if ego.velocity > _SLOW else 0.0
+    curvature = ego.yaw_rate / ego.velocity if abs(ego.velocity) > _SLOW else 0.0
     limit = ego.vehicle.curvature_max
     theta = ego.orientation + min(max(curvature, -limit), limit) * travelled
     middle, steps = 0.5 * (theta[1:] + theta[:-1]), np.diff(travelled)

@@ -114,6 +114,9 @@ class Frenetix:
     def plan(self, view: View, predictions: Predictions) -> Trajectory:
         """Returns the rest of the previous plan, the cheapest admissible sample, or a stop."""
         ego = view.ego
+        if ego.velocity < -_core.STANDSTILL_SPEED:
+            # The library plans forwards only.
+            return braking_along_arc(view, round(self.horizon / view.dt) + 1, ego.vehicle.acceleration_max)
         last, passed = self._last, 0 if self._last is None else view.time_step - self._last.time_step
         if last is not None and not last.leads_to(ego, passed):
             last = None

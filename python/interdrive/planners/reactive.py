@@ -110,6 +110,9 @@ class Reactive:
         rest = self._rest(view)
         if rest is not None:
             return rest
+        if view.ego.velocity < -_core.STANDSTILL_SPEED:
+            # The library plans forwards only.
+            return braking_along_arc(view, round(self.horizon / view.dt) + 1, view.ego.vehicle.acceleration_max)
         if self._planner is None:
             self._planner = self._new_planner(view)
         planner, ego = self._planner, view.ego

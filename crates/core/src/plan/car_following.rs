@@ -116,7 +116,7 @@ pub(super) fn integrate(
 /// (`b`, m/s²) and the agent reacts after `reaction` [s]. `gap` is what may be used up [m].
 pub(super) fn safe_velocity(gap: f64, leader_velocity: f64, (reaction, b): (f64, f64)) -> f64 {
     let lag = b * reaction;
-    let radicand = lag * lag + leader_velocity * leader_velocity + 2.0 * b * gap;
+    let radicand = lag * lag + leader_velocity * leader_velocity.abs() + 2.0 * b * gap;
     (radicand.max(0.0).sqrt() - lag).max(0.0)
 }
 
@@ -134,6 +134,13 @@ mod tests {
         }
         assert_eq!(safe_velocity(-5.0, 0.0, (1.0, 3.0)), 0.0);
         assert_eq!(safe_velocity(0.0, 0.0, (1.0, 3.0)), 0.0);
+    }
+
+    #[test]
+    fn a_leader_that_reverses_takes_the_way_to_its_stop_from_the_gap() {
+        // 2² / (2 · 3) m
+        let standing = safe_velocity(10.0 - 4.0 / 6.0, 0.0, (0.85, 3.0));
+        assert!((safe_velocity(10.0, -2.0, (0.85, 3.0)) - standing).abs() < 1e-9);
     }
 
     #[test]

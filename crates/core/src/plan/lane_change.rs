@@ -213,7 +213,7 @@ impl LaneRoutes {
             required_deceleration(gap - gap_min - time_gap * velocity, velocity - lead, 0.0) <= own
         };
         let lag_is_safe = |Next { gap, velocity: behind }| {
-            required_deceleration(gap - gap_min - time_gap * behind, behind - velocity, REACTION_TIME) <= lag
+            required_deceleration(gap - gap_min - time_gap * behind.max(0.0), behind - velocity, REACTION_TIME) <= lag
         };
         leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
@@ -245,7 +245,7 @@ impl LaneRoutes {
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;
-        let room = |other: &Interval| half + GAP_MIN + time_gap * other.velocity;
+        let room = |other: &Interval| half + GAP_MIN + time_gap * other.velocity.max(0.0);
         let behind = |other: &Interval| other.rear + other.velocity * time - room(other);
         let ahead = |other: &Interval| other.front + other.velocity * time + room(other);
         // Everything relative to the agent's centre.

@@ -32,6 +32,7 @@ pub use prediction_index::PredictionIndex;
 pub use velocity_adjusting::VelocityAdjustingSettings;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
+use crate::conduct::STATIONARY_SPEED;
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
@@ -42,6 +43,7 @@ use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
+use car_following::LEADER_HEADING_COSINE;
 use lane_change::Seeking;
 use lanes::Lanes;
 use recorded_path::RecordedPath;
@@ -89,6 +91,19 @@ pub struct Other<'a> {
     pub is_static: bool,
     /// Kind.
     pub kind: ParticipantKind,
+}
+
+impl Other<'_> {
+    /// It moves along a path, to whose direction its heading has this cosine, or reverses towards a vehicle on it.
+    fn leads(&self, cos: f64) -> bool {
+        cos * self.velocity.signum() > LEADER_HEADING_COSINE || self.velocity < 0.0 && cos > LEADER_HEADING_COSINE
+    }
+
+    /// Speed along such a path [m/s]: negative if it reverses; oncoming traffic counts as standing.
+    fn velocity_along(&self, cos: f64) -> f64 {
+        let along = self.velocity * cos;
+        if self.velocity < -STATIONARY_SPEED { along } else { along.max(0.0) }
+    }
 }
 
 /// All that a native planner may know for one plan.

@@ -16,7 +16,7 @@ const SIDE_MARGIN: f64 = 0.2;
 pub(super) struct Next {
     /// From bumper to bumper [m]; negative if beside.
     pub(super) gap: f64,
-    /// Speed along the lane [m/s].
+    /// Speed along the lane [m/s]; negative if it reverses.
     pub(super) velocity: f64,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Interval {
     /// Where it ends and begins [m].
     pub(super) rear: f64,
     pub(super) front: f64,
-    /// Speed along the lane [m/s].
+    /// Speed along the lane [m/s]; negative if it reverses.
     pub(super) velocity: f64,
 }
 
@@ -71,7 +71,7 @@ pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> impl I
             return None;
         }
         let offset = s - (ego.s + 0.5 * (ego.to_front + ego.to_rear));
-        let velocity = (other.velocity * cos).max(0.0);
+        let velocity = other.velocity_along(cos);
         Some(Interval { rear: offset - half_s, front: offset + half_s, velocity })
     };
     request.others.iter().filter_map(interval)
@@ -120,6 +120,22 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_reverses_comes_nearer_and_oncoming_traffic_counts_as_standing() {
+        let shape = crate::geometry::shape::Shape::rectangle(4.5, 1.8);
+        let (pose, kind) = (crate::geometry::Pose::new(0.0, 0.0, 0.0), crate::vehicle::ParticipantKind::Car);
+        for (velocity, cos, leads, along) in [
+            (5.0, 1.0, true, 5.0),
+            (5.0, -1.0, false, 0.0),
+            (-2.0, 1.0, true, -2.0),
+            (-2.0, -1.0, true, 2.0),
+            (-0.4, 1.0, true, 0.0),
+        ] {
+            let other = Other { row: 0, pose, velocity, shape: &shape, is_static: false, kind };
+            assert_eq!((other.leads(cos), other.velocity_along(cos)), (leads, along), "{velocity} m/s, cosine {cos}");
+        }
+    }
 
     #[test]
     fn followers_lose_what_the_model_says() {

@@ -134,11 +134,10 @@ impl Standing {
         let side = 0.5 * vehicle.width + SIDE_ROOM;
         let is_beside = d - half_d > place.d.max(0.0) + side || d + half_d < place.d.min(0.0) - side;
         let stands = other.is_static || other.velocity.abs() < STATIONARY_SPEED;
-        let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
-        if is_beside || at < place.s + vehicle.rear_axle_to_center || !(stands || moves_along) {
+        if is_beside || at < place.s + vehicle.rear_axle_to_center || !(stands || other.leads(cos)) {
             return None;
         }
-        let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
+        let velocity = if stands { 0.0 } else { other.velocity_along(cos) };
         Some((Self { rear: at - half_s, front: at + half_s, d, half_d, cos }, velocity))
     }
 

@@ -11,7 +11,7 @@ const SHIFT_MAX: f64 = 0.5;
 pub struct LineMemory {
     /// Steps for which it has stood, now or the last time.
     stood: usize,
-    /// Way since then [m].
+    /// Way since then [m]; negative if it has reversed.
     moved: f64,
     /// Distance to the line that it was too near to stop at when its light changed [m].
     passing: Option<f64>,
@@ -21,14 +21,14 @@ impl LineMemory {
     /// One time step later, at its speed then [m/s].
     #[must_use]
     pub fn after(self, velocity: f64, dt: f64) -> Self {
-        let way = velocity.abs() * dt;
+        let way = velocity * dt;
         let passing = self.passing.map(|distance| distance - way);
         if velocity.abs() <= STANDSTILL_SPEED {
-            let stood = if self.moved > SHIFT_MAX { 0 } else { self.stood };
+            let stood = if self.moved.abs() > SHIFT_MAX { 0 } else { self.stood };
             return Self { stood: stood + 1, moved: 0.0, passing };
         }
         let moved = self.moved + way;
-        Self { stood: if moved > STOP_REACH { 0 } else { self.stood }, moved, passing }
+        Self { stood: if moved.abs() > STOP_REACH { 0 } else { self.stood }, moved, passing }
     }
 
     /// The same, having looked at the next light of a way under the rules of now. That the agent is too near is found when

@@ -126,6 +126,9 @@ fn a_stop_sign_holds_until_the_agent_has_stood_before_its_line() {
     assert!(is_held(stands(drives(stands(new, 30), 1.5), 5), 99.0), "and the second time not for long");
     assert!(!is_held(drives(stands(new, 30), 0.9), 99.9), "it stood 1 m away, and drives on");
     assert!(is_held(drives(new, 0.9), 99.9), "it never stood");
+    let back = drives(drives(stands(new, 30), 1.5), -1.5);
+    assert!(!is_held(back, 99.0), "it stood 1 m away, passed the line and has reversed to where it stood");
+    assert!(is_held(drives(stands(new, 30), -3.0), 97.0), "it has reversed 3 m");
     assert!(is_held(drives(stands(new, 30), 3.0), 99.9), "behind a line the stop is forgotten");
 }
 

@@ -53,7 +53,8 @@ pub struct Moved {
 
 impl Kinematic {
     /// The state `dt` [s] later, by one or more substeps of at most 0.1 s. The numbers are clipped to -1 to 1;
-    /// `path_curvature` [1/m] tells the steering angle of a vehicle that stands. Never drives backwards.
+    /// `path_curvature` [1/m] tells the steering angle of a vehicle that stands. It never starts to reverse; a vehicle that
+    /// rolls backwards brakes to a stop, whatever the pedal asks for.
     pub fn step(
         &self,
         vehicle: &Vehicle,
@@ -69,7 +70,7 @@ impl Kinematic {
         let mut now = Substate {
             axle,
             heading: state.orientation,
-            velocity: state.velocity.max(0.0),
+            velocity: state.velocity,
             steering: steering_angle(vehicle, state, path_curvature),
             acceleration: 0.0,
             limited: false,
@@ -85,10 +86,15 @@ impl Kinematic {
 
     fn substep(&self, vehicle: &Vehicle, now: &Substate, (pedal, wheel): (f64, f64), h: f64) -> Substate {
         let (velocity, wheelbase) = (now.velocity, vehicle.wheelbase);
+        let rolls_back = velocity < 0.0;
         let asked = pedal * if pedal >= 0.0 { self.accelerate } else { self.brake };
-        let a = asked.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity));
+        let a = if rolls_back {
+            self.brake.min(vehicle.acceleration_max)
+        } else {
+            asked.clamp(-vehicle.acceleration_max, vehicle.forward_acceleration_max(velocity))
+        };
         let (mut next_velocity, mut travel) = (velocity + a * h, (velocity + velocity + a * h) * 0.5 * h);
-        if next_velocity < 0.0 {
+        if (next_velocity < 0.0) != rolls_back {
             (next_velocity, travel) = (0.0, velocity * velocity / (-2.0 * a));
         } else if next_velocity > vehicle.velocity_max {
             let top = vehicle.velocity_max;
@@ -117,7 +123,7 @@ impl Kinematic {
 
     /// Curvature for a second number of 1 [1/m].
     fn curvature_at(&self, vehicle: &Vehicle, velocity: f64) -> f64 {
-        let by_tyres = self.lateral / velocity.max(SPEED_MIN).powi(2);
+        let by_tyres = self.lateral / velocity.abs().max(SPEED_MIN).powi(2);
         vehicle.curvature_max().min(self.curvature).min(by_tyres)
     }
 
@@ -159,13 +165,15 @@ fn substeps(dt: f64) -> f64 {
 
 /// Steering angle of a state [rad], within the limits; `path_curvature` [1/m] is that of the path where it stands.
 pub fn steering_angle(vehicle: &Vehicle, state: &State, path_curvature: f64) -> f64 {
-    let curvature = if state.velocity > CREEPING_SPEED { state.yaw_rate / state.velocity } else { path_curvature };
+    let curvature =
+        if state.velocity.abs() > CREEPING_SPEED { state.yaw_rate / state.velocity } else { path_curvature };
     (vehicle.wheelbase * curvature).atan().clamp(-vehicle.steering_angle_max, vehicle.steering_angle_max)
 }
 
 /// Largest steering angle at a speed: that of the wheels and that of the tyres [rad].
 fn steering_bound(vehicle: &Vehicle, velocity: f64) -> f64 {
-    let by_tyres = (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.max(SPEED_MIN).powi(2)).atan();
+    let by_tyres =
+        (vehicle.wheelbase * vehicle.lateral_acceleration_max / velocity.abs().max(SPEED_MIN).powi(2)).atan();
     vehicle.steering_angle_max.min(by_tyres)
 }
 
@@ -272,6 +280,19 @@ mod tests {
             }
             assert!(told > 2_000, "{told}");
         }
+    }
+
+    #[test]
+    fn a_vehicle_that_rolls_backwards_brakes_to_a_stop_and_stays() {
+        let (model, mut now) = (Kinematic::default(), state([0.0, 0.0, 0.0, -2.0, 0.1]));
+        for speed in [-1.2, -0.4, 0.0] {
+            let moved = model.step(&CAR, &now, [1.0, 0.0], 0.0, 0.1);
+            assert!((moved.state.velocity - speed).abs() < 1e-9 && moved.limited, "{moved:?}");
+            now = moved.state;
+        }
+        // 2² / (2 · 8) m, and a little to the side.
+        assert!((now.x + 0.25).abs() < 1e-3 && now.y.abs() < 0.02, "{now:?}");
+        assert_eq!(model.step(&CAR, &now, [-1.0, 0.0], 0.0, 0.1).state.velocity, 0.0);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::{Agent, Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::COMFORTABLE_DECELERATION;
+use crate::conduct::{COMFORTABLE_DECELERATION, reverses};
 use crate::error::Result;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
@@ -270,7 +270,7 @@ impl World {
         let Some(network) = self.network.as_deref().filter(|network| network.settings().negotiate) else { return };
         let positions = scene.positions();
         let mut strips: Strips = vec![None; network.ids().len()];
-        for (place, drive) in self.talking() {
+        for (place, drive) in self.talking().filter(|(_, drive)| !self.reverses(drive)) {
             let body = |row: usize| rows.binary_search(&row).ok();
             let Some(own) = body(drive.row) else { continue };
             let sight = self.sight(drive, scene, &positions).iter();
@@ -317,9 +317,13 @@ impl World {
                     let (path, half) = (&other.agent.route.path, 0.5 * status.length);
                     let foot = path.project_near(now.pose().position, way_from + half, WAY_WINDOW);
                     let Some((s, _)) = foot else { continue };
-                    (s + half, now.velocity.max(0.0))
+                    (s + half, now.velocity)
                 }
             };
+            if reverses(velocity) {
+                continue;
+            }
+            let velocity = velocity.max(0.0);
             let told_up_to = way_from + WAY_SPACING * (way.len() as f64 - 1.0);
             let extent = (status.length, status.width);
             let mut one =

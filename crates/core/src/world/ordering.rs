@@ -2,7 +2,7 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED};
+use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, reverses};
 use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
@@ -66,9 +66,9 @@ impl World {
         orders[place].barrier
     }
 
-    /// What an agent shows of the way that it takes at a fork.
+    /// What an agent shows of the way that it takes at a fork; nothing while it reverses.
     fn turning<'a>(&self, drive: &'a Drive) -> Option<&'a Turning> {
-        let velocity = self.states[drive.row]?.velocity.max(0.0);
+        let velocity = Some(self.states[drive.row]?.velocity).filter(|velocity| !reverses(*velocity))?.max(0.0);
         let front = drive.front();
         drive.way.turning(front, front - drive.agent.vehicle.length, velocity)
     }
@@ -132,7 +132,9 @@ impl World {
         let is_vehicle = |row: &&usize| self.participants.kind[**row].is_on_the_road();
         let rows: Vec<usize> = scene.present.iter().filter(is_vehicle).copied().collect();
         let mut obeying: Vec<Option<&Drive>> = vec![None; rows.len()];
-        for drive in driving().filter(|drive| drive.obeys()) {
+        // Who reverses asks for no zone; it reserves those that it is in, like vehicles that do not obey.
+        let asks = |drive: &&Drive| drive.obeys() && !self.reverses(drive);
+        for drive in driving().filter(asks) {
             if let Ok(place) = rows.binary_search(&drive.row) {
                 obeying[place] = Some(drive);
             }
@@ -195,6 +197,10 @@ impl World {
         let mut orders = traffic.orders(&|viewer, body| seen[viewer].binary_search(&place_of[body]).is_ok());
         self.agree(&traffic, &rows, &scene, &mut orders);
         orders
+    }
+
+    pub(super) fn reverses(&self, drive: &Drive) -> bool {
+        self.states[drive.row].is_some_and(|state| reverses(state.velocity))
     }
 
     /// Arc length of the stop line that holds an agent [m].

@@ -363,7 +363,7 @@ impl Episode {
         let at = driver.agent.route.path.at(driver.s);
         let offset = at.tangent().cross(vehicle.rear_axle_from_center(state.pose()) - at.position);
         amounts[term::PATH_OFFSET] = (0.5 * offset.abs()).min(1.0) * dt;
-        amounts[term::OVERSPEED] = (state.velocity / driver.limits.at(q) - 1.0).max(0.0) * dt;
+        amounts[term::OVERSPEED] = (state.velocity.abs() / driver.limits.at(q) - 1.0).max(0.0) * dt;
         amounts[term::LIMITED] = f64::from(u8::from(learner.limited));
         amounts[term::WEIGHT_CHANGE] = learner.weight_change;
         if let Some(term) = term_of(outcome.kind, outcome.off_road) {

@@ -1,7 +1,7 @@
 //! How fast the agent wants to be: in time at the goal, comfortable in curves, at a safe distance to its leader.
 
 use super::super::arrival::{self, LOOK_AHEAD};
-use super::super::car_following::{LEADER_HEADING_COSINE, safe_velocity};
+use super::super::car_following::safe_velocity;
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
@@ -68,7 +68,7 @@ impl Targets {
         for Leader { rear, velocity } in near.filter_map(|other| leader(other, request, start)) {
             let gap = rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, velocity, (comfort.time_gap, comfort.deceleration)));
-            standing = standing.min(rear + 0.5 * velocity.powi(2) / comfort.deceleration);
+            standing = standing.min(rear + 0.5 * velocity * velocity.abs() / comfort.deceleration);
         }
         let goal = arrival::desired(
             request,
@@ -194,9 +194,8 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
     let beside = d - half_d > start.d.max(0.0) + corridor || d + half_d < start.d.min(0.0) - corridor;
     let ahead = s > middle;
     let stands = other.is_static || other.velocity.abs() < STATIONARY_SPEED;
-    let moves_along = cos * other.velocity.signum() > LEADER_HEADING_COSINE;
-    let velocity = if stands { 0.0 } else { (other.velocity * cos).max(0.0) };
-    if !ahead || beside || !(stands || moves_along) {
+    let velocity = if stands { 0.0 } else { other.velocity_along(cos) };
+    if !ahead || beside || !(stands || other.leads(cos)) {
         return None;
     }
     Some(Leader { rear: s - half_s, velocity })
