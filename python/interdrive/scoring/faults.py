@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 YIELD_RULES = ("red_light", "stop_sign", "right_of_way")
 
 #: Why a collision can be an agent's fault.
-FAULT_KINDS = ("cut_off", "ran_into", "wrong_side", *YIELD_RULES)
+FAULT_KINDS = ("cut_off", "ran_into", "wrong_side", "reversed", *YIELD_RULES)
 
 #: nuPlan's types of collisions.
 COLLISION_TYPES = ("stopped_agent", "stopped_other", "rear", "front", "lateral")
@@ -31,6 +31,9 @@ _CROSSING_ANGLE = math.radians(45.0)
 
 #: Participants whose heading is no direction of travel on a lane.
 _NOT_ON_LANES = ("pedestrian", "construction_zone", "structure", "unknown", "parked_vehicle")
+
+#: What is said of faults that no distance decides.
+_UNMEASURED = {"wrong_side": "met oncoming {} outside the lanes that lead its way", "reversed": "reversed into {}"}
 
 _TOLD = {"red_light": "passed a red light", "stop_sign": "passed a stop sign", "right_of_way": "did not yield"}
 
@@ -122,8 +125,8 @@ def _last_violation(
 
 def _words(kind: str, whom: int, side: str, gap: float, needed: float, when: str) -> str:
     measured = f"at {when} s with {gap:.1f} m left, {needed:.1f} m needed"
-    if kind == "wrong_side":
-        return f"met oncoming {whom} outside the lanes that lead its way"
+    if kind in _UNMEASURED:
+        return _UNMEASURED[kind].format(whom)
     if kind == "cut_off":
         return f"cut off {whom} {measured}" if gap < needed else f"left its lane beside {whom} at {when} s"
     if kind == "ran_into":

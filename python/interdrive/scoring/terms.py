@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.run.goals import said_seconds
 from interdrive.scoring.smoothing import smoothed
 
@@ -59,7 +60,7 @@ def speed_term(velocity: Floats, limit: Floats, dt: float, overspeed: float) -> 
     known = np.isfinite(limit)
     if not known.any():
         return Term(math.nan)
-    excess = np.maximum(velocity[known] - limit[known], 0.0)
+    excess = np.maximum(np.abs(velocity[known]) - limit[known], 0.0)
     value = max(0.0, 1.0 - float(excess.sum()) * dt / (overspeed * float(known.sum()) * dt))
     if not (excess > 0.0).any():
         return Term(1.0)
@@ -74,7 +75,9 @@ def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
     turning = np.where(np.isfinite(motion.yaw_rate), motion.yaw_rate, np.gradient(heading, dt))
     lateral = motion.velocity * turning
     size = np.hypot(motion.acceleration, lateral)
-    longitudinal = smoothed(motion.acceleration, ACCELERATION_WINDOW, dt)
+    # Who reverses accelerates with a negative sign.
+    reverses = motion.velocity < -_core.JUDGED_STANDSTILL_SPEED
+    longitudinal = smoothed(np.where(reverses, -1.0, 1.0) * motion.acceleration, ACCELERATION_WINDOW, dt)
     checks = (
         ("acceleration", longitudinal, bounds.acceleration, "m/s²"),
         ("deceleration", -longitudinal, bounds.deceleration, "m/s²"),

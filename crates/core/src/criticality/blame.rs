@@ -67,6 +67,8 @@ pub enum FaultKind {
     RanInto,
     /// It met oncoming traffic outside the lanes that lead its way.
     WrongSide,
+    /// It reversed, and its rear touched.
+    Reversed,
 }
 
 impl FaultKind {
@@ -77,6 +79,7 @@ impl FaultKind {
             Self::CutOff => "cut_off",
             Self::RanInto => "ran_into",
             Self::WrongSide => "wrong_side",
+            Self::Reversed => "reversed",
         }
     }
 }
@@ -160,6 +163,16 @@ impl Track<'_> {
 
     fn speed(&self) -> f64 {
         self.speeds[self.speeds.len() - 1]
+    }
+
+    /// It reverses at the contact.
+    fn reverses(&self) -> bool {
+        self.speed() < -STANDING_SPEED
+    }
+
+    /// First step of the unbroken stretch up to the contact in which it reverses.
+    fn reverses_since(&self) -> usize {
+        self.speeds.len() - self.speeds.iter().rev().take_while(|speed| **speed < -STANDING_SPEED).count()
     }
 
     /// Change of the heading over the last steps, without sign [rad].
@@ -254,9 +267,14 @@ impl<'a> Pair<'a> {
     fn entry(intruder: &Track<'_>, owner: &Track<'_>, reaction: Reaction) -> Entry {
         let contact = owner.poses.len() - 1;
         let step = (0..contact).rev().take_while(|step| owner.way_meets(intruder, *step)).last().unwrap_or(contact);
-        let along = Point::from_angle(owner.poses[step].orientation);
+        // What reverses along the owner's way comes into it when it begins to.
+        let turn = wrap_angle(intruder.contact().orientation - owner.contact().orientation);
+        let comes_back = intruder.reverses() && turn.abs() < ALONGSIDE_ANGLE;
+        let step = if comes_back { intruder.reverses_since() } else { step };
+        let speed = owner.speeds[step];
+        let along = Point::from_angle(owner.poses[step].orientation) * if speed < 0.0 { -1.0 } else { 1.0 };
         let velocity = Point::from_angle(intruder.poses[step].orientation) * intruder.speeds[step];
-        let difference = (owner.speeds[step] - velocity.dot(along).max(0.0)).max(0.0);
+        let difference = (speed.abs() - velocity.dot(along).max(0.0)).max(0.0);
         Entry { step, gap: owner.gap(intruder, step), needed: reaction.room(difference) }
     }
 }
@@ -288,6 +306,10 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         fault_nuplan,
         is_crossing,
     };
+    // Whoever reverses answers for what its rear touches, however late the other one came.
+    if agent.reverses() && side == 3 {
+        return verdict(FaultKind::Reversed, None);
+    }
     if angle > ONCOMING_ANGLE && other_drives && other.speed() > STANDING_SPEED {
         if is_against_the_lane(road, agent.shape, here) {
             return verdict(FaultKind::WrongSide, None);
@@ -308,19 +330,20 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     }
     // One that leaves its lane beside an agent that keeps its own is not cut off, however much faster it is.
     if other_drives
-        && other.speed() > STANDING_SPEED
+        && other.speed().abs() > STANDING_SPEED
         && into_ours.step >= into_theirs.step
         && !is_within_one_lane(road, other.shape, there)
         && keeps_lane_beside(pair, into_theirs.step)
     {
         return verdict(FaultKind::None, Some(&into_ours));
     }
-    // Whoever drives across a lane without a lane of its own there has no way that the lane's traffic could enter.
+    // Whoever drives across a lane without a lane of its own there has no way that the lane's traffic could enter, nor has
+    // one that reverses.
     let owns_a_way = !other_drives
         || other.speed().abs() <= STANDING_SPEED
         || is_along_a_lane(road, there)
         || !keeps_its_lane(pair, into_theirs.step);
-    let cuts_off = entered && owns_a_way && into_theirs.gap < into_theirs.needed;
+    let cuts_off = entered && owns_a_way && !other.reverses() && into_theirs.gap < into_theirs.needed;
     // The other one came first, and so late that nothing could be done.
     if into_ours.step > 0 && into_ours.step < into_theirs.step && into_ours.gap < into_ours.needed {
         return verdict(FaultKind::None, Some(&into_ours));

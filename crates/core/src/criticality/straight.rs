@@ -39,7 +39,8 @@ pub struct StraightTime {
 /// Earliest contact of each judged participant at each time step if it and one other keep speed and heading.
 ///
 /// Others count within 30 degrees ahead of the rear axle; while the footprint is not within one lane, or the centre is
-/// on a lanelet that crosses others, within 150 degrees. A standing participant has no contact.
+/// on a lanelet that crosses others, within 150 degrees. Where a participant reverses, ahead is behind its front axle. A
+/// standing participant has no contact.
 ///
 /// # Returns
 /// Shape (judged, time steps), row-major.
@@ -80,7 +81,8 @@ fn straight_time(
         return none;
     }
     let pose = traffic.pose(row, column);
-    let heading = Point::from_angle(pose.orientation);
+    // The direction in which it moves.
+    let heading = Point::from_angle(pose.orientation) * if speed < 0.0 { -1.0 } else { 1.0 };
     let rear = pose.position - heading * axle;
     let shape = &traffic.shape[row];
     let mut least_cos = None;

@@ -215,3 +215,41 @@ fn who_rides_across_a_lane_into_the_flank_of_a_car_that_keeps_it_is_not_cut_off(
     let found = verdict(two_lanes(), changing, car(OTHER, 60.0, 8.0, 0.0, |_| 0.0));
     assert_eq!(found.kind, FaultKind::CutOff);
 }
+
+/// A car in the lane y = 0 that stands until a step, and then reverses.
+fn reversing_from(id: i64, x: f64, step: usize, velocity: f64) -> Actor {
+    let at = |k: usize| x + velocity * 0.1 * k.saturating_sub(step) as f64;
+    Actor::car(id, (0..120).map(|k| state(at(k), 0.0, 0.0, if k < step { 0.0 } else { velocity })))
+}
+
+#[test]
+fn who_reverses_into_another_one_is_at_fault_whether_that_stands_or_comes() {
+    // The other one comes to 1 m behind it when it begins to reverse, or stands 10 m behind it.
+    for (velocity, step) in [(0.0, 10), (3.0, 30)] {
+        let reversing = |id| reversing_from(id, 60.0, step, -2.0);
+        let behind = |id| car(id, 45.0, velocity, 0.0, |_| 0.0);
+        let found = verdict(two_lanes(), reversing(AGENT), behind(OTHER));
+        assert_eq!((found.kind, found.side), (FaultKind::Reversed, 3), "{velocity} m/s");
+        let found = verdict(two_lanes(), behind(AGENT), reversing(OTHER));
+        assert_eq!((found.kind, found.side), (FaultKind::None, 0), "{velocity} m/s: {found:?}");
+    }
+}
+
+#[test]
+fn who_has_room_to_brake_for_a_reversing_car_and_does_not_is_at_fault_as_well() {
+    let found = verdict(two_lanes(), car(AGENT, 20.0, 10.0, 0.0, |_| 0.0), reversing_from(OTHER, 90.0, 5, -1.0));
+    // 10 · 0.25 + 10² / 12 m are needed.
+    assert_eq!((found.kind, found.decided_at), (FaultKind::RanInto, 5), "{found:?}");
+    assert!(found.gap > 50.0 && (found.needed - 10.833).abs() < 1e-3, "{found:?}");
+}
+
+#[test]
+fn who_reverses_across_the_way_of_another_one_cuts_it_off() {
+    // From the right, heading away from the lane: its rear is 2 m in the lane when the other one is 5 m away.
+    let out = |id| {
+        let y = |k: usize| -9.0 + 0.15 * k as f64;
+        Actor::car(id, (0..120).map(|k| state(100.0, y(k).min(-2.0), -std::f64::consts::FRAC_PI_2, -1.5)))
+    };
+    let found = verdict(two_lanes(), out(AGENT), car(OTHER, 50.0, 10.0, 0.0, |_| 0.0));
+    assert_eq!(found.kind, FaultKind::CutOff, "{found:?}");
+}

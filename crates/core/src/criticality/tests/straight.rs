@@ -32,6 +32,19 @@ fn a_car_from_the_side_counts_where_lanes_cross() {
 }
 
 #[test]
+fn for_a_car_that_reverses_what_is_behind_it_is_ahead() {
+    let reversing = Actor::going(1, state(50.0, 0.0, 0.0, -5.0), 1);
+    let with = |x: f64, velocity: f64| {
+        times(straight_road(1), &[reversing.clone(), Actor::going(2, state(x, 0.0, 0.0, velocity), 1)])[0]
+    };
+    // Bumpers are 10 m apart.
+    let found = with(35.0, 0.0);
+    assert!((found.time - 2.0).abs() < 1e-4 && found.partner == 2, "{found:?}");
+    assert!((with(35.0, 5.0).time - 1.0).abs() < 1e-4, "both close in");
+    assert_eq!(with(60.0, -12.0).time, INF, "who comes after it has to brake");
+}
+
+#[test]
 fn within_its_lane_only_what_is_ahead_counts_and_who_stands_has_no_contact() {
     let beside = |y: f64| {
         let merging = Actor::going(2, state(27.0, y + 3.5, -0.2, 15.0), 1);
