@@ -82,10 +82,11 @@ def draw_profiles(profiles: Mapping[str, Sequence[Profile]], titles: Mapping[str
     for row, label in enumerate((lateral_label, "velocity [m/s]")):
         panels[row, 0].set_ylabel(label, fontsize=FONT)
     fastest = max((np.nanmax(p.velocity, initial=0.0) for runs in profiles.values() for p in runs), default=0.0)
+    slowest = min((np.nanmin(p.velocity, initial=0.0) for runs in profiles.values() for p in runs), default=0.0)
     times = [p.time[np.isfinite(p.velocity)] for runs in profiles.values() for p in runs]
     span = np.concatenate([np.zeros(1), *times])
     for axes in panels[1]:
-        axes.set_ylim(-0.04 * fastest, 1.08 * max(fastest, _SPAN_MIN))
+        axes.set_ylim(1.08 * slowest - 0.04 * fastest, 1.08 * max(fastest, _SPAN_MIN))
     for axes in panels.flat:
         plain(axes, ticks=6)
         axes.set_xlim(span.min(), span.max() + 0.01 * np.ptp(span) + 0.1)

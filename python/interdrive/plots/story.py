@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from interdrive.run import RunRecord
 
 #: Shades of phases; driving has none.
-_SHADES = {"slowing": "#F5DFA8", "standing": "#BFD7EA", "emergency braking": "#F2B8A0"}
+_SHADES = {"slowing": "#F5DFA8", "standing": "#BFD7EA", "reversing": "#D8CBE6", "emergency braking": "#F2B8A0"}
 
 #: Narrower phases have no text in them, as a part of the whole.
 _NARROW = 0.04

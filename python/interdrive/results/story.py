@@ -93,6 +93,7 @@ def _phase(run: RunRecord, agent: AgentRecord, phase: Phase) -> str:
     row = int(np.searchsorted(states.participant_id, agent.id))
     speed = states.velocity[row, first - states.first_time_step : last + 1 - states.first_time_step]
     speed = speed[np.isfinite(speed)]
+    speed = np.abs(speed) if phase.kind == "reversing" else speed
     text = f"{said_time(run, first):>5} to {said_time(run, last):>5} s  {phase.kind}"
     if phase.order is not None:
         text += f" {said_order(run, *phase.order)}"

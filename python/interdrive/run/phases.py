@@ -1,4 +1,4 @@
-"""What an agent did when: driving, slowing, standing, emergency braking; and which participants it waited for."""
+"""What an agent did when: driving, slowing, standing, reversing, braking; and which participants it waited for."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from interdrive.run.record import AgentRecord, RunRecord
     from interdrive.scenario import StopLine
 
-PhaseKind: TypeAlias = Literal["driving", "slowing", "standing", "emergency braking"]
+PhaseKind: TypeAlias = Literal["driving", "slowing", "standing", "reversing", "emergency braking"]
 
 #: An agent that decelerates by more than this slows [m/s²].
 _SLOWING = 1.0
@@ -53,7 +53,7 @@ class Phase:
         kind: What it did.
         first_time_step: Its first time step. last_time_step: Its last one, included.
         leader_id: The vehicle ahead in most of this time, -1 for none; what is beyond a line at which it waits is not
-            meant.
+            meant. While it reverses, neither this nor what follows is told.
         crossing_ids: While it stood without a vehicle ahead or a line to wait at: participants that crossed its path,
             in their order.
         red_lanelet_id: The lanelet of the stop line that it stood at or came to, nearer than any vehicle, if its light
@@ -99,8 +99,12 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
     found, at = [], 0
     for kind, length in _merged(kinds, shortest):
         inside = columns[at : at + length]
-        leader = _leader_in(run, path, row, inside, standing=kind == "standing")
+        at += length
         first, last = (int(column) + states.first_time_step for column in (inside[0], inside[-1]))
+        if kind == "reversing":
+            found.append(Phase(kind, first, last))
+            continue
+        leader = _leader_in(run, path, row, inside, standing=kind == "standing")
         order = _order(run, agent.id, first, last) if kind != "emergency braking" else None
         if kind == "driving" and order is not None and order[0] != "crosswalk":
             order = None  # It drives towards a junction, which takes no time yet.
@@ -112,7 +116,6 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
         left = _left_lanelet(run, agent, row, int(inside[-1])) if is_alone else -1
         crossing = _crossing(run, path, row, inside) if is_alone and left < 0 else ()
         found.append(Phase(kind, first, last, leader, crossing, red, sign, left, order))
-        at += length
     return tuple(found)
 
 
@@ -126,14 +129,16 @@ def emergency_steps(run: RunRecord, agent_id: int) -> Ints:
 
 def _kinds(run: RunRecord, row: int, columns: Ints) -> list[PhaseKind]:
     states = run.states
-    speed, acceleration = np.abs(states.velocity[row, columns]), states.acceleration[row, columns]
+    velocity, acceleration = states.velocity[row, columns], states.acceleration[row, columns]
     emergency = np.isin(columns + states.first_time_step, emergency_steps(run, int(states.participant_id[row])))
     kinds: list[PhaseKind] = []
-    for v, a, braking in zip(speed.tolist(), acceleration.tolist(), emergency.tolist(), strict=True):
-        if v < _core.JUDGED_STANDSTILL_SPEED:
+    for v, a, braking in zip(velocity.tolist(), acceleration.tolist(), emergency.tolist(), strict=True):
+        if abs(v) < _core.JUDGED_STANDSTILL_SPEED:
             kinds.append("standing")
         elif braking:
             kinds.append("emergency braking")
+        elif v < 0.0:
+            kinds.append("reversing")
         else:
             kinds.append("slowing" if a < -_SLOWING else "driving")
     return kinds

@@ -264,9 +264,9 @@ def _touched(contact: Contact, name: str) -> str:
     elif own == "rear" and moves and not comes:
         text = f"reversed into {name if theirs in ends else f'the {theirs} side of {name}'}"
     elif (own, theirs) == ("front", "rear"):
-        text = f"ran into {name} from behind"
+        text = f"ran into {name} from behind" + (", which reversed" if comes else "")
     elif (own, theirs) == ("rear", "front"):
-        text = f"hit from behind by {name}"
+        text = f"hit from behind by {name}" + (" while reversing" if moves else "")
     elif (own, theirs) == ("front", "front"):
         text = f"frontal collision with {name}"
     elif own == "front":

@@ -43,7 +43,8 @@ class Drives:
         first_time_step: Time step of column 0. dt: Time between columns [s].
         length: Footprint length [m], shape (vehicles,). width: Footprint width [m].
         valid: Whether the vehicle is present.
-        x: Centre [m]. y: Centre [m]. orientation: Heading [rad]. velocity: Speed [m/s]. acceleration: [m/s²].
+        x: Centre [m]. y: Centre [m]. orientation: Heading [rad]. velocity: Speed along the heading [m/s].
+        acceleration: Along the heading [m/s²].
     """
 
     sources: tuple[str, ...]
@@ -77,9 +78,10 @@ class Drives:
         The place to stop at lies `beyond` [m] behind its front in a column.
         """
         since = max(since, int(np.argmax(self.valid[k])))
-        speeds = np.abs(self.velocity[k, since : column + 1])
+        speeds = self.velocity[k, since : column + 1]
         way = float(0.5 * (speeds[1:] + speeds[:-1]).sum() * self.dt) - beyond
-        return bool(self.velocity[k, since] ** 2 > 2.0 * _core.COMFORTABLE_DECELERATION * way)
+        comes = self.velocity[k, since] > 0.0
+        return bool(comes and self.velocity[k, since] ** 2 > 2.0 * _core.COMFORTABLE_DECELERATION * way)
 
     def row(
         self,

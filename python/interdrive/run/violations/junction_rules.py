@@ -133,7 +133,7 @@ def right_of_way(
 def _began_too_near(drives: Drives, use: Use) -> bool:
     """A vehicle could not stop before the area when it entered the scene."""
     speed = float(drives.velocity[use.vehicle, int(np.argmax(drives.valid[use.vehicle]))])
-    return speed * speed > 2.0 * HARDEST * use.entry
+    return speed > 0.0 and speed * speed > 2.0 * HARDEST * use.entry
 
 
 def _until_gone(drives: Drives, use: Use) -> Use:

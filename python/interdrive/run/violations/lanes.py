@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 SPEED_MARGIN, SPEEDING_TIME = 0.5, 0.3
 #: ... unless it has braked at least this hard since its first state [m/s²].
 BRAKING = 1.0
-#: It drives the wrong way if no lanelet below it leads within this angle of its heading [rad], for this long [s].
+#: It drives the wrong way if no lanelet below it leads within this angle of its heading [rad], for this long [s]: who
+#: reverses keeps its heading.
 WRONG_WAY, WRONG_WAY_TIME = np.radians(120.0), 1.0
 
 
@@ -29,7 +30,7 @@ def lane_rules(drives: Drives, road: _core.RoadNetwork, standing: Standing) -> l
     limit, off = np.full(drives.valid.shape, np.nan), np.full(drives.valid.shape, np.nan)
     limit[row, step], off[row, step] = road.lane_rules(x, y, orientation)
     dt, rows = drives.dt, []
-    excess = np.where(judged & np.isfinite(limit), drives.velocity - limit, -np.inf)
+    excess = np.where(judged & np.isfinite(limit), np.abs(drives.velocity) - limit, -np.inf)
     for k in drives.judged:
         for first, last in stretches(excess[k] > SPEED_MARGIN, SPEEDING_TIME / dt):
             if not _brakes_from_the_start(drives, k, last):
@@ -48,4 +49,5 @@ def lane_rules(drives: Drives, road: _core.RoadNetwork, standing: Standing) -> l
 def _brakes_from_the_start(drives: Drives, k: int, last: int) -> bool:
     """The vehicle entered too fast and has braked ever since."""
     first = int(np.argmax(drives.valid[k]))
-    return bool(last > first and np.all(drives.acceleration[k, first + 1 : last + 1] <= -BRAKING))
+    braking = -np.sign(drives.velocity[k]) * drives.acceleration[k]
+    return bool(last > first and np.all(braking[first + 1 : last + 1] >= BRAKING))
