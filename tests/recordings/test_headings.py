@@ -126,3 +126,12 @@ def test_a_run_says_how_its_recordings_were_read_and_is_loaded_that_way(tmp_path
     again = simulate(read_scenario(path, raw=True), agents=[30])
     assert again.settings["settings"]["recording.raw"] is True
     assert again.digest == run.digest
+
+
+def test_recordings_that_drive_backwards_keep_their_headings():
+    back = [replace(car, x=500.0 + car.x, velocity=-20.0) for car in CARS]
+    found = repaired(recorded(cars=back))
+    assert found.turned == 0.0
+    assert np.median(headings(found)) == 0.0
+    # Turned files of such recordings are turned back.
+    assert np.degrees(repaired(recorded(1.95, noise=0.1, cars=back)).turned) == pytest.approx(1.95, abs=0.05)

@@ -64,10 +64,11 @@ def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
 def completed(recorded: Track, dt: float) -> Track:
     """The track with every missing value derived.
 
-    The heading is derived from the direction of motion (a standing vehicle keeps its heading; a vehicle that never
-    moves gets 0), the speed from the motion along the heading, acceleration and yaw rate from their changes.
-    Differences are central inside and one-sided at the ends. Missing values of a single state are 0. Headings are
-    wrapped to [-pi, pi]. Derived values stay within the bounds for stated ones, however far a recording jumps.
+    The heading is derived from the direction of motion, or its opposite where the speed is negative (a standing vehicle
+    keeps its heading; a vehicle that never moves gets 0), the speed from the motion along the heading, acceleration and
+    yaw rate from their changes. Differences are central inside and one-sided at the ends. Missing values of a single
+    state are 0. Headings are wrapped to [-pi, pi]. Derived values stay within the bounds for stated ones, however far a
+    recording jumps.
 
     Args:
         recorded: At least one state; positions are complete.
@@ -82,7 +83,8 @@ def completed(recorded: Track, dt: float) -> Track:
     if missing[:, 2:4].any():
         x_dot, y_dot = _rate(x, time), _rate(y, time)
         if missing[:, 2].any():
-            heading = _heading_of_motion(x_dot, y_dot)
+            sign = np.where(velocity < 0.0, -1.0, 1.0)  # nan: forwards
+            heading = _heading_of_motion(sign * x_dot, sign * y_dot)
             orientation = np.where(missing[:, 2], heading, orientation)
         along = x_dot * np.cos(orientation) + y_dot * np.sin(orientation)
         velocity = np.where(missing[:, 3], along.clip(-LARGEST_VELOCITY, LARGEST_VELOCITY), velocity)

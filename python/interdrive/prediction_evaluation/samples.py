@@ -196,6 +196,7 @@ def _speed(moment: Moment) -> Floats:
 def _departure(moment: Moment) -> Floats:
     scene, row = moment.scene, moment.row
     orientation, way = scene.orientation[row, -1], float(HORIZONS[-1]) * _speed(moment)
+    way = np.where(scene.velocity[row, -1] < 0.0, -way, way)
     straight = _now(moment) + way[:, None] * np.stack([np.cos(orientation), np.sin(orientation)], axis=1)
     departure: Floats = np.linalg.norm(moment.truth[:, -1] - straight, axis=1)
     return departure

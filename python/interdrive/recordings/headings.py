@@ -32,7 +32,8 @@ class HeadingOffset:
     """By how much vehicles move in other directions than they head.
 
     Attributes:
-        median: Direction of a step minus mean heading of its ends, median over all steps [rad]; nan without any.
+        median: Direction of a step minus mean heading of its ends (plus half a turn if it is driven backwards), median
+            over all steps [rad]; nan without any.
         spread: Interquartile range of the same [rad].
         n_samples: Number of steps longer than 1 m of motor vehicles.
     """
@@ -99,6 +100,8 @@ def _offsets(obstacles: Obstacles) -> Floats:
     heading = obstacles.orientation[rows]
     x, y = np.diff(obstacles.x[rows], axis=1), np.diff(obstacles.y[rows], axis=1)
     middle = heading[:, :-1] + 0.5 * _wrapped(np.diff(heading, axis=1))
+    speed = obstacles.velocity[rows]
+    middle += np.where(speed[:, :-1] + speed[:, 1:] < 0.0, np.pi, 0.0)
     found: Floats = _wrapped(np.arctan2(y, x) - middle)[np.hypot(x, y) > _STEP_LENGTH]
     return found
 

@@ -457,10 +457,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
             first + 1 if math.isinf(early) else max(first + 1, last - round(early)),
             last + round(settings.time_late / scenario.dt),
         ),
-        velocity=(
-            max(0.0, min(velocity - settings.velocity_tolerance, allowed)),
-            velocity + settings.velocity_tolerance,
-        ),
+        velocity=_goal_speeds(velocity, settings.velocity_tolerance, allowed),
         orientation=(
             lane_orientation - settings.orientation_tolerance,
             lane_orientation + settings.orientation_tolerance,
@@ -474,8 +471,15 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
         shape=obstacles.shapes[row],
         initial_state=initial,
         goal=(goal,),
-        velocity_max=float(np.nanmax(obstacles.velocity[row])),
+        velocity_max=float(np.nanmax(np.abs(obstacles.velocity[row]))),
     )
+
+
+def _goal_speeds(velocity: float, tolerance: float, allowed: float) -> tuple[float, float]:
+    """Speeds around that at the end of a recording [m/s]; only a vehicle that reverses there may arrive so."""
+    least = min(velocity - tolerance, allowed)
+    least = least if velocity < -_core.JUDGED_STANDSTILL_SPEED else max(0.0, least)
+    return least, max(least, velocity + tolerance)
 
 
 def _goal_areas(
