@@ -272,7 +272,7 @@ def _partner(run: Run, i: int) -> tuple[str, int]:
     if states.is_agent[row]:
         return "agent", partner
     speed = states.velocity[row, max(0, int(ended.time_step[i]) - states.first_time_step)]
-    return ("standing" if states.is_static[row] or speed < STANDING else "replayed"), partner
+    return ("standing" if states.is_static[row] or abs(speed) < STANDING else "replayed"), partner
 
 
 def longest(mask: NDArray[np.bool_], dt: float) -> float:

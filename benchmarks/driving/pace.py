@@ -75,7 +75,7 @@ def paces(run: Run, i: int, route: _core.Route, road: _core.RoadNetwork) -> tupl
     metres = min(own[-1], recorded[-1])
     if metres < DRIVEN_MIN:
         return 0.0, 1.0
-    first_speed = float(states.velocity[row, there][0])
+    first_speed = max(float(states.velocity[row, there][0]), 0.0)
     times = free_flow(_bound(route, road, first_speed, heavy=states.kinds[row] in HEAVY), first_speed)
     free = float(np.interp(metres, SPACING * np.arange(len(times)), times))
     arrives = own[-1] >= recorded[-1] - REACHED

@@ -62,7 +62,7 @@ def _values(
     every: int,
 ) -> dict[str, Floats]:
     steps = np.flatnonzero(table.valid[row])
-    standing = float((table.velocity[row, steps] < STANDING).sum() * run.scenario.dt)
+    standing = float((np.abs(table.velocity[row, steps]) < STANDING).sum() * run.scenario.dt)
     steps = steps[::every]
     offset = route.project(table.x[row, steps], table.y[row, steps])[1]
     return {

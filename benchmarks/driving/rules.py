@@ -141,7 +141,7 @@ def _counts(run: Run, drives: Drives, source: str, road: _core.RoadNetwork) -> C
     )
     limit, _ = road.lane_rules(x, y, heading)
     counts["limited"] = int(np.isfinite(limit).sum())
-    counts["over"] = int((speed > (1.0 + EXCESS) * limit).sum())
+    counts["over"] = int((np.abs(speed) > (1.0 + EXCESS) * limit).sum())
     still = drives.valid & (np.abs(drives.velocity) < STANDING)
     counts["stand"] = sum(longest(still[k], drives.dt) > LONG for k in rows)
     return counts

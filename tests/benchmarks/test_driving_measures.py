@@ -102,6 +102,12 @@ def test_acceleration_across_is_speed_times_change_of_heading(part):
     assert found.brake == pytest.approx(0.0)
 
 
+def test_who_starts_to_reverse_does_not_brake_and_who_stops_then_does(part):
+    speed = -np.minimum(4.0, 8.0 * DT * np.maximum(np.arange(101) - 30, 0))
+    assert part("comfort").extremes(drive(speed), 0, DT).brake == pytest.approx(0.0)
+    assert part("comfort").extremes(drive(speed[::-1].copy()), 0, DT).brake == pytest.approx(8.0)
+
+
 def test_a_drive_of_two_seconds_has_no_comfort(part):
     states = drive(np.full(101, 10.0))
     short = replace(states, valid=states.valid & (np.arange(states.n_steps) < 21))

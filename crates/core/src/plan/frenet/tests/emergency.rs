@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::super::super::emergency_braking::last_resort;
 use super::{Car, Drive};
 use crate::geometry::Point;
+use crate::plan::external_plan::{check_motion, check_plan};
 use crate::plan::frenet::FrenetSettings;
 use crate::road::testing::{arc, open, straight, tapered_lane};
 use crate::trajectory::{PlanStatus, State};
@@ -146,4 +147,26 @@ fn an_emergency_names_what_rejected_most_samples_and_where() {
     let mut turned = Drive::along(&center, 30.0, 10.0);
     turned.state.orientation = PI;
     assert_eq!(obstruction(&turned).expect("no samples").rejection, "the agent heads away from its reference path");
+}
+
+#[test]
+fn rolling_backwards_is_braked_to_a_stop_by_a_motion_that_its_speeds_tell() {
+    for (velocity, yaw_rate) in [(-5.0, 0.0), (-3.0, 0.15), (-1.5, -0.1), (-0.3, 0.02)] {
+        let mut drive = Drive::along(&straight((0.0, 0.0), (400.0, 0.0)), 40.0, velocity);
+        drive.state.yaw_rate = yaw_rate;
+        let (now, vehicle) = (drive.state, drive.vehicle);
+        let result = drive.plan(&FrenetSettings::default());
+        assert_eq!(result.status, PlanStatus::EmergencyBraking, "{}", result.message);
+        let points = &result.trajectory.points;
+        assert_eq!(check_plan(points, &now, &vehicle, drive.dt), Ok(()));
+        assert_eq!(check_motion(points, &vehicle, drive.dt), Ok(()));
+        let back = now.pose().position.distance(points[30].pose().position);
+        let least = 0.5 * velocity * velocity / (0.9 * vehicle.acceleration_max);
+        // The brakes build up within 0.2 s.
+        assert!((least..least - 0.2 * velocity).contains(&back), "{velocity} m/s: {back} m");
+        assert_eq!(points[30].velocity, 0.0);
+        assert!(points[30].x < now.x && points[1].acceleration > 0.0);
+        // The wheels stay where they are: the heading turns with the way that is driven backwards.
+        assert!((points[30].orientation - now.orientation).signum() == yaw_rate.signum() || yaw_rate == 0.0);
+    }
 }
