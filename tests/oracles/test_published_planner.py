@@ -54,8 +54,6 @@ STARTS = [
         (-1.1, 0.6, -0.08, 0.005),
     )
 ]
-#: Roads and speeds [m/s] at which no sample can be driven from the stated turn: agents plan as if they drove parallel.
-DOUBTED = {("right bend, R = 35 m", 25.0)}
 #: An agent is not taken to start with more lateral acceleration: half of what the vehicle's tyres hold [m/s²].
 START_LATERAL_ACCELERATION_MAX = 0.5 * 8.0
 #: Nor with more acceleration along its heading, which no start here has [m/s²].
@@ -115,13 +113,10 @@ def _problem(center: np.ndarray, heading: float, velocity: float, goal: np.ndarr
 
 
 def taken(road: str, start: Start) -> Start:
-    """What an agent's first plan begins with: recorded turns are noisy, so they are limited or doubted.
-
-    Below 2 m/s they do not count.
-    """
+    """What an agent's first plan begins with: recorded turns are noisy, so they are limited; below 2 m/s none counts."""
     _, path = path_of(road)
     _, _, velocity, acceleration, curvature = start.in_world(path)
-    if (road, start.s_dot) in DOUBTED or velocity < 2.0:
+    if velocity < 2.0:
         return start.parallel(path)
     assert abs(acceleration) < START_ACCELERATION_MAX
     limit = START_LATERAL_ACCELERATION_MAX / velocity**2

@@ -44,6 +44,8 @@ class EnvSettings:
             multiple that is nearest to it, at least one time step.
         max_seconds: Episodes that last longer are cut.
         time_limit: What the end of the grace period is: "truncation" or "termination".
+        reverse: Traffic with the planner `rollout` may back out where it stands wedged, if its own setting says so.
+            Learners never reverse.
         threads: Threads over worlds. Results do not depend on it.
         record: Keep the recording of the episode, for `run()`.
         copy: Hand out copies of observations; otherwise the buffers, which the next step overwrites.
@@ -59,6 +61,7 @@ class EnvSettings:
     decision_seconds: Annotated[float | None, "s"] = None
     max_seconds: Annotated[float, "s"] = math.inf
     time_limit: Literal["truncation", "termination"] = "truncation"
+    reverse: bool = False
     threads: int = 1
     record: bool = False
     copy: bool = True

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from interdrive.config.agent_config import agent_configs, core_agent, run_config
 from interdrive.envs.actions import FrenetWeights
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
-from interdrive.planners import native_planner
+from interdrive.planners import Rollout, native_planner
 from interdrive.prediction_evaluation.split import read_split
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import select
@@ -205,7 +205,10 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     handles, planners = [], []
     for agent in agents:
         own = configs[agent.id]
-        native = native_planner(own.planner.make())
+        planner = own.planner.make()
+        if isinstance(planner, Rollout) and not setup.settings.reverse:
+            planner = replace(planner, reverse=False)
+        native = native_planner(planner)
         if native is None:
             raise InputError("traffic", f"{own.planner.name} is not a native planner")
         planners.append(None if own.planner.native == "recorded" else native)
