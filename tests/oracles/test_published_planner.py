@@ -113,7 +113,7 @@ def _problem(center: np.ndarray, heading: float, velocity: float, goal: np.ndarr
 
 
 def taken(road: str, start: Start) -> Start:
-    """What an agent's first plan begins with: recorded turns are noisy, so they are limited; below 2 m/s none counts."""
+    """What an agent's first plan begins with: recorded turns are noisy, so they are limited, and none below 2 m/s."""
     _, path = path_of(road)
     _, _, velocity, acceleration, curvature = start.in_world(path)
     if velocity < 2.0:

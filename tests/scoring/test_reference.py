@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.
 SHIPPED = [
-    ("shipped-2", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded")),
-    ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded")),
+    ("shipped-2", "dev", ("frenet", "frenetix", "idm", "reactive", "recorded", "rollout")),
+    ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded", "rollout")),
 ]
 
 
