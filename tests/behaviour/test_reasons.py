@@ -108,7 +108,7 @@ def test_times_without_an_admissible_sample_say_what_rejected_most_samples(tmp_p
     # An oncoming car creeps up to the standing agent, whose front is at 22.3 m.
     scenario = on_a_road(Car(7, 31.0, velocity=0.5, orientation=np.pi), velocity=0.0, time_step=(0, 40))
     run = simulate(scenario, agents=[100], planner="frenet", predictor="constant_velocity", threads=1)
-    lasted = r"no admissible sample for \d\.\d s \(emergency braking at \d+ time steps\)"
+    lasted = r"no safer plan for \d\.\d s \(emergency braking at \d+ time steps\)"
     assert re.search(rf"{lasted}: collision with 7 at \(2\d\.\d, 0\.0\)", run.outcomes.reason[0])
     braking = run.plans.status == PLAN_STATUS.index("emergency_braking")
     assert {run.plans.rejection[row] for row in np.flatnonzero(braking)} == {"collision with 7"}

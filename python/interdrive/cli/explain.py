@@ -19,8 +19,8 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
     """Explain why the agents of a run ended as they did.
 
     RUN is a run folder. Without AGENT you get one line per agent; with the id of an agent, its story: what it did when,
-    behind which vehicle or before which light, when its planner found no admissible sample, which rules of the road it
-    broke, and its most critical moments.
+    behind which vehicle or before which light, when its planner found nothing safer than full braking, which rules
+    of the road it broke, and its most critical moments.
     """
     files = [(png, ".png"), (pdf, ".pdf")]
     for name, ending in files:

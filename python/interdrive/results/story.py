@@ -42,7 +42,7 @@ def story(run: RunRecord, agent_id: int, criticality: Criticality | None = None)
     braking = emergency_steps(run, agent_id)
     if len(braking):
         first = said_time(run, int(braking[0]))
-        lines.append(f"  no admissible sample at {said_count(len(braking), 'time step')}, the first at {first} s")
+        lines.append(f"  emergency braking at {said_count(len(braking), 'time step')}, the first at {first} s")
     found = criticality or evaluate(run, [agent_id])
     trace = run.outcomes.traceback[int(np.searchsorted(run.outcomes.agent_id, agent_id))]
     more = [*_broken(run, agent_id), *_critical(run, agent_id, found), *trace.splitlines()]

@@ -120,7 +120,7 @@ def phases(run: RunRecord, agent: AgentRecord) -> tuple[Phase, ...]:
 
 
 def emergency_steps(run: RunRecord, agent_id: int) -> Ints:
-    """Time steps at which an agent had no admissible sample and braked as hard as it could, ascending."""
+    """Time steps at which an agent braked as hard as it could for want of a safer plan, ascending."""
     plans = run.plans
     braking = (plans.agent_id == agent_id) & (plans.status == PLAN_STATUS.index("emergency_braking"))
     found: Ints = np.sort(plans.time_step[braking])

@@ -138,7 +138,7 @@ def _causes(run: RunRecord, agent: AgentRecord) -> tuple[str, ...]:
             behind[phase.leader_id] = total + phase.n_steps, standing + phase.n_steps * (phase.kind == "standing")
     number = max(behind, key=lambda number: (behind[number][0], -number), default=-1)
     total, standing = behind.get(number, (0, 0))
-    none = no_sample(run, agent.id)
+    none = no_safer_plan(run, agent.id)
     if total * dt >= _LONG and total >= stood:
         name, long = said_name(run, number), said_time(run, total)
         if standing == total:
@@ -165,7 +165,7 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
         return f"{lasted} {line}"
     if stop.left_lanelet_id >= 0:
         return f"{lasted} before the end of lanelet {stop.left_lanelet_id} without a gap in the lane beside"
-    none = no_sample(run, agent_id, stop.first_time_step, stop.last_time_step)
+    none = no_safer_plan(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
     return f"{lasted} without a vehicle ahead" + (f": {none}" if none else ", as planned")
@@ -189,8 +189,8 @@ def said_order(run: RunRecord, kind: str, by: int) -> str:
     return f"before a {'crosswalk' if kind == 'crosswalk' else 'junction'}: {why}"
 
 
-def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int | None = None) -> str:
-    """How long an agent had no admissible sample between two time steps; "" for less than a second."""
+def no_safer_plan(run: RunRecord, agent_id: int, first: int | None = None, last: int | None = None) -> str:
+    """How long an agent had no better plan than emergency braking between two time steps; "" for less than a second."""
     steps = emergency_steps(run, agent_id)
     steps = steps[(steps >= (steps.min(initial=0) if first is None else first))]
     steps = steps if last is None else steps[steps <= last]
@@ -202,7 +202,7 @@ def no_sample(run: RunRecord, agent_id: int, first: int | None = None, last: int
         return ""
     seconds, count = said_time(run, longest), said_count(len(steps), "time step")
     why = said_obstruction(run, agent_id, next(piece for piece in pieces if len(piece) == longest))
-    return f"no admissible sample for {seconds} s (emergency braking at {count}){why and f': {why}'}"
+    return f"no safer plan for {seconds} s (emergency braking at {count}){why and f': {why}'}"
 
 
 def said_obstruction(run: RunRecord, agent_id: int, time_steps: Ints) -> str:
