@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from PIL import Image
 
 import interdrive as idr
 from interdrive.batch_report import is_batch
@@ -67,6 +68,13 @@ def test_the_lines_of_the_readme_run_and_leave_a_figure_and_a_run_folder(tmp_pat
 def test_the_moving_picture_of_the_readme_is_there_and_small():
     (picture,) = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
     assert 10_000 < (ROOT / picture).stat().st_size < 1_000_000
+
+
+def test_the_moving_picture_of_the_readme_can_be_drawn_anew(tmp_path):
+    words = [sys.executable, ROOT / "docs" / "moving_picture.py", "--out", tmp_path / "few.gif", "--frames", "3"]
+    subprocess.run(words, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    with Image.open(tmp_path / "few.gif") as few, Image.open(ROOT / "docs" / "figures" / "reacting.gif") as shown:
+        assert (few.n_frames, few.size) == (3, shown.size)
 
 
 def test_a_run_from_python_gives_outcomes_and_states(tmp_path):

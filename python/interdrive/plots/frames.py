@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from interdrive.array_types import Floats
+    from interdrive.plots.view import View
     from interdrive.run import RunRecord
 
 #: Size of a frame [px]; even, because video codecs want it so. The height follows the view.
@@ -53,16 +54,16 @@ class _Layers:
 
 
 class Stage:
-    """Draws single frames of a run."""
+    """Draws single frames of a run: of all agents, or of a view of the world."""
 
-    def __init__(self, run: RunRecord) -> None:
+    def __init__(self, run: RunRecord, view: View | None = None) -> None:
         self.run = run
         self.footprints = Footprints(run)
         self.colors = agent_colors(run)
         self.crowded = len(run.agents) > 30
         self.row = {number: row for row, number in enumerate(run.states.participant_id.tolist())}
         self.plan_rows = _rows_by_time_step(run.plans.time_step)
-        self.view = view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
+        self.view = view or view_of(run).shaped(_ASPECT_MIN, _ASPECT_MAX)
         height = 2 * round(0.5 * _WIDTH * self.view.height / self.view.width)
         self.size = (_WIDTH, height + _STRIP)
         self.scale = _WIDTH / self.view.width  # px per metre
