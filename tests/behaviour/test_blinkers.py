@@ -52,6 +52,12 @@ def test_an_agent_shows_its_turn_from_30_m_before_the_fork_on(turn):
     assert shown(simulation(turn, 44.0, 15.0))[1] == SIDES[turn]
 
 
+@pytest.mark.parametrize("to_fork", [20.0, -3.0])
+def test_an_agent_that_reverses_before_or_behind_the_fork_shows_none_and_one_that_stands_there_does(to_fork):
+    assert np.isnan(shown(simulation("left", to_fork, -1.5))[1])
+    assert shown(simulation("left", to_fork, 0.0))[1] == SIDES["left"]
+
+
 def test_replayed_vehicles_and_agents_with_blinkers_switched_off_show_none():
     assert np.isnan(shown(simulation("left", 20.0))[9])
     for rules in ({"blinkers": False}, {"enabled": False}):

@@ -120,7 +120,7 @@ def test_the_contract_of_planners_admits_one_that_reverses():
     assert "an empty road" in check_planner(Far)
 
 
-@pytest.mark.parametrize("planner", ["frenet", "idm", "idm_mobil", "velocity_adjusting"])
+@pytest.mark.parametrize("planner", [*NATIVE, "velocity_adjusting"])
 def test_an_agent_that_rolls_backwards_at_first_brakes_and_then_drives_to_its_goal(planner):
     scenario = on_a_road(velocity=-3.0, time_step=(0, 300))
     if planner == "velocity_adjusting":
@@ -130,7 +130,8 @@ def test_an_agent_that_rolls_backwards_at_first_brakes_and_then_drives_to_its_go
     assert velocity[0] == -3.0
     # Braking takes no more than a second, and no agent reverses by itself.
     assert velocity[10:][~np.isnan(velocity[10:])].min() > -0.1
-    assert 59.0 < np.nanmin(x) < 60.0
+    # At comfortable 3 m/s² that takes 1.5 m.
+    assert 58.4 < np.nanmin(x) < 60.0
     assert run.outcomes.outcome[0] == "goal_reached"
 
 
@@ -166,6 +167,35 @@ def test_what_reverses_is_predicted_to_go_on_backwards(predictor):
     assert found.probability[0].max() == pytest.approx(1.0)
     assert found.x[0, 0, 29] == pytest.approx(89.0 - 6.0, abs=0.1)
     assert found.orientation[0, 0, 29] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("service", ["cam", "mcm", "cpm"])
+def test_messages_of_an_agent_that_reverses_out_of_sight_tell_its_sign_and_that_it_goes_on_backwards(service):
+    seen = []
+
+    class Hearing(Standing):
+        def plan(self, view, predictions):
+            if 100 in view.ids:
+                row = view.ids.tolist().index(100)
+                seen.append((view.time_step, view.x[row, -1], view.velocity[row, -1], predictions.of(np.array([100]))))
+            return super().plan(view, predictions)
+
+    # Agent 1 sees 30 m far; only agent 2, between both, sees agent 100.
+    others = [
+        problem(number, x, velocity=0.0, goal=(190.0, 0.0), time_step=(0, 60)) for number, x in ((1, 130.0), (2, 100.0))
+    ]
+    scenario = on_a_road(x=85.0)
+    scenario = replace(scenario, planning_problems=(*scenario.planning_problems, *others))
+    settings = {f"v2x.{name}": name == service for name in ("cam", "mcm", "cpm")} | {"view.sensor_radius": 30.0}
+    speakers = {1: True, 2: service == "cpm", 100: service != "cpm"}
+    planner = {1: Hearing, 2: Standing, 100: Far}
+    run = simulate(scenario, agents=[1, 2, 100], planner=planner, settings=settings, v2x=speakers, threads=1)
+    x, velocity = states(run)
+    time_step, told_x, told_velocity, found = next(one for one in seen if one[0] >= 30)
+    assert velocity[time_step] == told_velocity == pytest.approx(-1.5)
+    assert told_x == pytest.approx(x[time_step], abs=0.2)
+    assert found.velocity[0, 0, 29] == pytest.approx(-1.5)
+    assert found.x[0, 0, 29] == pytest.approx(x[time_step] - 4.5, abs=0.2)
 
 
 @pytest.mark.parametrize("planner", [Reversing, Standing])
@@ -231,6 +261,16 @@ def test_reversing_in_the_own_lane_is_no_driving_on_the_wrong_side_but_may_be_to
     found = score(run)
     assert found.terms["direction"][0] == 1.0
     assert found.terms["speed_term"][0] < 0.5
+
+
+def test_reversing_is_comfortable_by_the_same_bounds_and_what_speeds_up_backwards_does_not_brake():
+    class Hard(Far):
+        speed, rate = 4.0, 3.5
+
+    started = score(reversing(on_a_road(x=100.0, goal=180.0), Hard))
+    assert started.terms["comfort_term"][0] == 0.0
+    assert "comfort 0.00: acceleration 3." in started.why(100), "2.4 m/s² are allowed, but 4.05 for braking"
+    assert score(reversing(on_a_road(x=100.0, goal=180.0), Far)).terms["comfort_term"][0] == 1.0
 
 
 def test_a_stop_line_that_is_crossed_backwards_is_no_violation_and_holds_again_afterwards():

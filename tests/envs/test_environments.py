@@ -1,6 +1,8 @@
 """Environments: what a step is, how episodes end, what is drawn, and that all of them say the same."""
 
 import importlib.util
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -10,6 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from interdrive import InputError, Trajectory, envs, simulate
 from interdrive._core import REWARDS
+from interdrive.native_settings import RewardWeights
 from interdrive.testing import Car, problem, straight_road, world
 
 #: Learns in the shipped scenarios.
@@ -95,6 +98,32 @@ def test_a_learner_reverses_only_if_it_starts_so_and_brakes_whatever_it_asks_for
     assert speeds[:5] == pytest.approx([-2.0, -1.2, -0.4, 0.0, 0.4])
     driven(env, [-1.0, 0.0])
     assert env.unwrapped.run().states.velocity[0, 3:].max() == env.unwrapped.run().states.velocity[0, 3:].min() == 0.0
+
+
+def test_a_learner_that_rolls_backwards_loses_progress_and_pays_for_its_speed_but_for_no_headway():
+    start = problem(1, 20.0, velocity=-4.0, goal=(70.0, 0.0), time_step=(1, 100))
+    road = replace(straight_road(300.0), speed_limit=np.array([3.0]))
+    scenario = world(road, problems=[start], cars=[Car(7, 25.5)])
+    weights = RewardWeights(headway=-1.0, overspeed=-1.0)
+    env = envs.DriveEnv(scenarios=scenario, reward=weights)
+    env.reset(seed=0)
+    env.step(np.array([1.0, 0.0], np.float32))
+    amounts = dict(zip(REWARDS, env._engine.buffers.components[0], strict=True))
+    # From 4.0 to 3.2 m/s backwards with 8 m/s², 45 m before the goal.
+    assert amounts["progress"] == pytest.approx(-0.36 / 45.0, rel=0.1)
+    assert amounts["overspeed"] == pytest.approx(0.1 * (3.2 / 3.0 - 1.0))
+    assert amounts["acceleration"] == pytest.approx(0.1 * (8.0 / 4.0) ** 2)
+    assert amounts["headway"] == 0.0
+    assert min(amount for name, amount in amounts.items() if name != "progress") >= 0.0
+
+
+def test_a_learner_that_rolls_backwards_into_a_car_pays_for_the_speed_of_the_impact():
+    start = problem(1, 20.0, velocity=-4.0, goal=(70.0, 0.0), time_step=(1, 100))
+    env = envs.DriveEnv(scenarios=world(straight_road(300.0), problems=[start], cars=[Car(7, 15.2)]))
+    *_, info, _ = driven(env, (1.0, 0.0))
+    assert (info["outcome"], info["partner_id"]) == ("collision", 7)
+    # After 0.3 m with 8 m/s².
+    assert info["components"]["collision_speed"] == pytest.approx(0.1 * math.sqrt(4.0**2 - 2.0 * 8.0 * 0.3), abs=1e-3)
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))

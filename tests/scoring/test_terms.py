@@ -48,6 +48,15 @@ def test_comfort_needs_three_states():
     assert comfort_term(motion(np.zeros(3)), DT, ComfortBounds()).value == 1.0
 
 
+@pytest.mark.parametrize(("velocity", "acceleration"), [(5.0, 3.5), (-5.0, -3.5)])
+def test_speeding_up_and_braking_have_bounds_of_their_own_in_both_directions(velocity, acceleration):
+    faster = comfort_term(motion(np.full(20, acceleration), velocity=velocity), DT, ComfortBounds())
+    assert faster.words.startswith("acceleration 3.50 m/s²")
+    assert comfort_term(motion(np.full(20, -acceleration), velocity=velocity), DT, ComfortBounds()).value == 1.0
+    harder = comfort_term(motion(np.full(20, -1.2 * acceleration), velocity=velocity), DT, ComfortBounds())
+    assert harder.words.startswith("deceleration 4.20 m/s²")
+
+
 def test_turning_is_judged_by_heading_across_its_wrap():
     turning = np.pi - 0.5 + 0.09 * np.arange(12)
     wrapped = np.arctan2(np.sin(turning), np.cos(turning))

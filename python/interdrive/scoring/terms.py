@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive import _core
 from interdrive.run.goals import said_seconds
 from interdrive.scoring.smoothing import smoothed
 
@@ -75,8 +74,9 @@ def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
     turning = np.where(np.isfinite(motion.yaw_rate), motion.yaw_rate, np.gradient(heading, dt))
     lateral = motion.velocity * turning
     size = np.hypot(motion.acceleration, lateral)
-    # Who reverses accelerates with a negative sign.
-    reverses = motion.velocity < -_core.JUDGED_STANDSTILL_SPEED
+    # A vehicle that reverses speeds up with a negative acceleration, which is that of the step before the state.
+    before = np.concatenate([motion.velocity[:1], motion.velocity[:-1]])
+    reverses = before + motion.velocity < 0.0
     longitudinal = smoothed(np.where(reverses, -1.0, 1.0) * motion.acceleration, ACCELERATION_WINDOW, dt)
     checks = (
         ("acceleration", longitudinal, bounds.acceleration, "m/s²"),
