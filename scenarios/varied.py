@@ -25,7 +25,7 @@ from traffic import DT, FINE, SIZES, Vehicle, distance_over_time, distance_throu
 ARM, VERTICES = 120.0, 60
 #: Least angle between two arms [rad].
 ANGLE_MIN = np.deg2rad(60.0)
-#: Those who wait stop so far before the junction [m].
+#: Vehicles that wait stop so far before the junction [m].
 STOP = 3.0
 #: Vehicles with priority, and those that yield: at most so many of each.
 PASSING, YIELDING = 5, 3
@@ -110,7 +110,7 @@ def _roads(directions: Floats, like: Kind, chance: np.random.Generator) -> Netwo
             )  # fmt: skip
             roads.follow(entering(arm), inside(arm, beyond))
             roads.follow(inside(arm, beyond), leaving(beyond))
-        # Arms are sorted against the clock, so the next one is to the right of those who come in.
+        # Arms are sorted against the clock, so the next one is to the right of the vehicles that come in.
         right, *between, left = [inside(arm, beyond) for beyond in others]
         incomings.append(Incoming([entering(arm)], left=[left], straight=between, right=[right]))
     roads.intersections.append(incomings)

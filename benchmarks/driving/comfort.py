@@ -51,6 +51,6 @@ def extremes(table: States | Obstacles, row: int, dt: float) -> Extremes:
     acceleration = (speed[span:] - speed[:-span]) / seconds
     across = 0.5 * (speed[span:] + speed[:-span]) * (heading[span:] - heading[:-span]) / seconds
     jerk = np.diff(acceleration[::span]) / seconds
-    # Who starts to reverse does not brake.
+    # A vehicle that starts to reverse does not brake.
     gain = (np.abs(speed[span:]) - np.abs(speed[:-span])) / seconds
     return Extremes(float(-gain.min()), float(np.abs(across).max()), float(np.abs(jerk).max(initial=0.0)))

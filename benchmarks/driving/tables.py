@@ -194,12 +194,12 @@ def halves(drives: Sequence[Drive], half_of: dict[str, str]) -> str:
         "|---|" + "--:|" * 8,
     ]
     for half in sorted(set(half_of.values())):
-        everyone = [one for one in drives if half_of.get(one.place) == half]
-        rows = [one for one in everyone if one.reachable]
+        both = [one for one in drives if half_of.get(one.place) == half]
+        rows = [one for one in both if one.reachable]
         urban = [one for one in rows if one.category == "urban"]
         cells = (
             *(half, len(rows), in_time(rows), _percent(rows), len(urban), in_time(urban), _percent(urban)),
-            *(sum(one.outcome == "collision" for one in everyone), sum(one.violations for one in everyone)),
+            *(sum(one.outcome == "collision" for one in both), sum(one.violations for one in both)),
         )
         lines.append(f"| {' | '.join(map(str, cells))} |")
     return "\n".join(lines)

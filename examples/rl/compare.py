@@ -39,7 +39,7 @@ def nothing(observations: np.ndarray) -> np.ndarray:
 
 
 def hold_speed(observations: np.ndarray) -> np.ndarray:
-    """Keeps its speed and pursues the point of its path that lies 0.8 s ahead, at least 6 m; minds no one."""
+    """Keeps its speed and pursues the point of its path that lies 0.8 s ahead, at least 6 m; minds no other vehicle."""
     actions = nothing(observations)
     for action, observation in zip(actions, observations, strict=True):
         velocity, route = 40 * observation[0], observation[ROUTE].reshape(16, 8)

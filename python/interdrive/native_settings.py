@@ -470,7 +470,7 @@ class RulesSettings:
         unseen: Be careful at junctions where buildings or parked vehicles hide a road with priority, if
             `view.occlusion`.
         passing: Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be
-            crossed and nobody is oncoming; planner `rollout` only.
+            crossed and no vehicle is oncoming; planner `rollout` only.
         trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they
             would have to brake hard.
         blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this
@@ -522,7 +522,7 @@ class V2xSettings:
         loss: Probability that a receiver within range loses a message. Between 0 and 1.
         range: Range of the radio. Positive and at most 1000000.
         fading: Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
-        negotiate: Agents whose paths cross agree who goes first.
+        negotiate: Agents whose paths cross agree which of them goes first.
         hold_margin: Distance that a yielding agent keeps to the conflict zone. Between 0.3 and 5.
         mcm_interval: Time between messages with the plan, unless the plan changes. Positive and at most 10.
         max_bytes: Largest message; plans and object lists are truncated to fit. Between 300 and 65535.
@@ -578,8 +578,8 @@ class MeasureSettings:
         opposite_angle: Heading difference beyond which traffic is oncoming. Positive and at most pi.
         erosion: Erosion of lanelets before their overlap is measured. Not negative.
         overlap_min: Largest overlap that does not count. Not negative.
-        lead_membership: Who counts as ahead: participants whose centre lies on the path, or whose footprint reaches
-            into it.
+        lead_membership: Participants that count as ahead: those whose centre lies on the path, or whose footprint
+            reaches into it.
         thw_mode: Time headway: normalized is headway divided by speed, recorded is the time until the recording
             reaches the present place of the vehicle ahead.
         leader_stops: The required longitudinal acceleration assumes that a braking vehicle ahead comes to rest and

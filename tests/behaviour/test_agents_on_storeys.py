@@ -1,4 +1,4 @@
-"""Agents on storeys of their own drive as if they were alone; who comes down to their storey counts there."""
+"""Agents on storeys of their own drive as if they were alone; vehicles that come down to their storey count there."""
 
 from dataclasses import replace
 

@@ -58,7 +58,7 @@ def driven(scenario, planner="rollout", **settings):
 
 
 def told(scenario, **settings):
-    """Distance from the front to where it has to stop now [m], and because of whom."""
+    """Distance from the front to where it has to stop now [m], and for which person."""
     simulation = Simulation(scenario, agents=[1], settings=settings, threads=1)
     ego = simulation.world.view(simulation.world.scene(), 1).ego
     front = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0]) + HALF

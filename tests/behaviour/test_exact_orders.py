@@ -47,7 +47,7 @@ def meeting(lanelets, *problems, cars=(), **changes):
 
 
 def order(simulation, agent):
-    """Distance from the front of an agent to where it has to stop [m], for how long [s], and because of whom."""
+    """Distance from the front of an agent to where it has to stop [m], for how long [s], and for which vehicle."""
     ego = simulation.world.view(simulation.world.scene(), agent).ego
     assert (ego.vehicle.length, ego.vehicle.width) == (LENGTH, WIDTH)
     front = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0]) + 0.5 * LENGTH

@@ -166,7 +166,7 @@ def test_without_a_gap_it_stops_before_its_lane_ends_and_goes_on_behind_the_row(
     assert waiting.any()
     assert 180.0 < drive.x[waiting].max() + 0.5 * LENGTH < 200.0, "m: its front, in lane 1"
     assert drive.outcome == "goal_reached"
-    assert drive.gaps(cars)[1][0] == np.inf, "nobody is left behind it"
+    assert drive.gaps(cars)[1][0] == np.inf, "no car is left behind it"
 
 
 def test_an_agent_whose_time_is_over_before_the_end_of_its_lane_says_so():

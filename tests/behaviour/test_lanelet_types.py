@@ -1,4 +1,4 @@
-"""For whom lanelets are lanes: routes, lane changes, passing and derived goals keep to them.
+"""For which kinds lanelets are lanes: routes, lane changes, passing and derived goals keep to them.
 
 Two lanelets along x, 3.5 m wide: 1 about y = 0, 2 to its left about y = 3.5 m. A car stands or drives slowly ahead.
 """

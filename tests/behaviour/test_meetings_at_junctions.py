@@ -207,5 +207,5 @@ def test_a_vehicle_out_of_sight_changes_no_order():
 
     one, other = car(1, EAST_WAY, 20.0), car(2, NORTH_WAY, 20.0)
     together = orders([one, other])
-    assert together[1] == orders([one])[1] == FREE, "it does not see who comes from the right"
+    assert together[1] == orders([one])[1] == FREE, "it does not see the vehicle from the right"
     assert told(world(limited(crossing()), problems=[one, other]))[1] != FREE

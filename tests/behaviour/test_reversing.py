@@ -1,4 +1,4 @@
-"""Vehicles that reverse: their speed is negative, and whoever plans, predicts, judges or tells goes by that."""
+"""Vehicles that reverse: their speed is negative, and plans, predictions, judgements and stories go by that."""
 
 import math
 import re
@@ -135,7 +135,7 @@ def test_an_agent_that_rolls_backwards_at_first_brakes_and_then_drives_to_its_go
     assert run.outcomes.outcome[0] == "goal_reached"
 
 
-# Whom others see.
+# What others see.
 
 
 @pytest.mark.parametrize("planner", NATIVE)
@@ -199,7 +199,7 @@ def test_messages_of_an_agent_that_reverses_out_of_sight_tell_its_sign_and_that_
 
 
 @pytest.mark.parametrize("planner", [Reversing, Standing])
-def test_who_reverses_before_a_junction_is_given_no_order_and_does_not_hold_up_others(planner):
+def test_an_agent_that_reverses_before_a_junction_is_given_no_order_and_does_not_hold_up_others(planner):
     class Obeying(planner):
         obeys_rules = True
 
@@ -219,7 +219,7 @@ def test_who_reverses_before_a_junction_is_given_no_order_and_does_not_hold_up_o
 # How it is judged.
 
 
-def test_who_reverses_into_a_standing_car_is_told_so_and_at_fault_and_who_stands_is_not():
+def test_an_agent_that_reverses_into_a_standing_car_is_told_so_and_at_fault_and_one_that_stands_is_not():
     run = reversing(on_a_road(Car(2, 52.0)), Far)
     assert run.outcomes.reason[0] == "reversed into 2 at 1.5 m/s, which replays its recording and stood"
     found = score(run)

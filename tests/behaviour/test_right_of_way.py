@@ -68,7 +68,7 @@ EAST_WAY, NORTH_WAY = ((1, 0), (0, 0)), ((0, 1), (0, 0))
 
 
 def told(scenario, **settings):
-    """Agent -> distance from its front to where it has to stop [m], for how long [s], and because of whom."""
+    """Agent -> distance from its front to where it has to stop [m], for how long [s], and for which vehicle."""
     simulation = Simulation(scenario, settings=RULES | settings, threads=1)
     scene = simulation.world.scene()
     found = {}

@@ -218,7 +218,7 @@ def test_recorded_drivers_are_judged_like_agents(tmp_path):
 
 
 def rows(run):
-    """Who broke which rule, and by how much."""
+    """Which agent broke which rule, and by how much."""
     found = run.violations
     return list(zip(found.source, found.rule, found.value.tolist(), strict=True))
 

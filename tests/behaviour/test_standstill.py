@@ -53,7 +53,7 @@ def ends(run):
 
 
 class Polite:
-    """Accelerates by 1 m/s² unless somebody else is within 20 m."""
+    """Accelerates by 1 m/s² unless another vehicle is within 20 m."""
 
     def plan(self, view, predictions):
         ego, time = view.ego, np.arange(31) * view.dt

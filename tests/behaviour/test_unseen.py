@@ -1,6 +1,6 @@
 """Caution before what a building hides: two one-way roads cross at the origin, with limits of 10 m/s.
 
-Who comes from the south goes first, and a building stands in the corner between west and south.
+Vehicles from the south go first, and a building stands in the corner between west and south.
 """
 
 from __future__ import annotations

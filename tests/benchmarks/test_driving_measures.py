@@ -102,7 +102,7 @@ def test_acceleration_across_is_speed_times_change_of_heading(part):
     assert found.brake == pytest.approx(0.0)
 
 
-def test_who_starts_to_reverse_does_not_brake_and_who_stops_then_does(part):
+def test_a_vehicle_that_starts_to_reverse_does_not_brake_and_one_that_then_stops_does(part):
     speed = -np.minimum(4.0, 8.0 * DT * np.maximum(np.arange(101) - 30, 0))
     assert part("comfort").extremes(drive(speed), 0, DT).brake == pytest.approx(0.0)
     assert part("comfort").extremes(drive(speed[::-1].copy()), 0, DT).brake == pytest.approx(8.0)

@@ -1,4 +1,4 @@
-"""Pairs are ranked by who is in the way: on the driven path, along it, where bodies would meet."""
+"""Pairs are ranked by which vehicle is in the way: on the driven path, along it, where bodies would meet."""
 
 import numpy as np
 import pytest

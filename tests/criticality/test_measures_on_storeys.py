@@ -1,4 +1,4 @@
-"""Measures pair nobody with what drives above or below: three storeys, ramps, slopes, heights that are missing."""
+"""Measures pair no vehicle with what drives above or below: three storeys, ramps, slopes, heights that are missing."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ PAIRED = ("hw", "thw", "ttc", "dce", "et", "pet", "btn", "stn", "psd")
 
 
 def met(found):
-    """Names of the measures that pair somebody."""
+    """Names of the measures that pair vehicles."""
     return {name for name in PAIRED if (found.series[name].partner_id >= 0).any()}
 
 

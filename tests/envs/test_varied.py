@@ -1,4 +1,4 @@
-"""Scenarios to learn from: every seed is another junction, and those who keep their speed there hit others."""
+"""Scenarios to learn from: every seed is another junction, and vehicles that keep their speed there hit others."""
 
 import importlib.util
 import sys

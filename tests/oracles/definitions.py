@@ -91,7 +91,7 @@ class Moment:
     ttc: float
     a_long_req: float
     a_lat_req: float
-    #: Distance to the nearest one who counts [m].
+    #: Distance to the nearest participant that counts [m].
     distance: float
 
 

@@ -1,4 +1,4 @@
-"""Junctions made by SUMO's netconvert: their lanes as a scenario, and who yields to whom by SUMO's matrices.
+"""Junctions made by SUMO's netconvert: their lanes as a scenario, and which lane yields to which by SUMO's matrices.
 
 Of every junction SUMO lists its connections, and for each the foes, whose ways it shares ground with, and those of them
 that it responds to, that is, gives way to.

@@ -136,7 +136,7 @@ def _is_plain(obstacle) -> bool:
 
 
 def test_the_pairs_that_touch_when_they_enter_are_those_of_shapely(measured):
-    """The core's fast overlap test, which the world uses for those who enter: invented bodies around an agent."""
+    """The core's fast overlap test, which the world uses for arrivals: invented bodies around an agent."""
     rng, wrong, n, touching = np.random.default_rng(11), [], 0, 0
     road = straight_road(2000.0, lane_width=400.0)
     for k in range(60):

@@ -28,7 +28,7 @@ def far_away(scenario):
 
 
 def closest(scenario, row, bodies):
-    """Smallest footprint distance within the radius at every step, inf without anybody, by shapely."""
+    """Smallest footprint distance within the radius at every step, inf without participants, by shapely."""
     obstacles = scenario.obstacles
     own = poses_of(obstacles, row)
     apart = np.hypot(obstacles.x - own[:, 0], obstacles.y - own[:, 1])

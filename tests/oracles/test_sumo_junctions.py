@@ -1,4 +1,4 @@
-"""Who goes first at junctions, as derived from their lanelets, against the matrices of SUMO's netconvert.
+"""Right of way at junctions, as derived from their lanelets, against the matrices of SUMO's netconvert.
 
 Every pair of ways from different arms is compared: whether they share ground, and which of both gives way.
 """

@@ -246,7 +246,7 @@ def test_contacts_during_a_step_are_those_of_dense_sampling(make, n, name, partn
 
 
 def test_contacts_of_recorded_traffic_are_those_of_dense_sampling(recorded, measured):
-    """All recorded vehicles drive as agents along their recordings; who touches whom first, and when?"""
+    """All recorded vehicles drive as agents along their recordings; which pair touches first, and when?"""
     wrong, n, n_contacts, n_scenarios = [], 0, 0, 0
     for scenario in recorded:
         if (~scenario.obstacles.is_static).sum() < 2 or scenario.obstacles.n_steps < 2:

@@ -37,7 +37,7 @@ def test_a_link_has_the_age_of_the_newest_plan_until_it_is_forgotten():
             (10, 2, 1, 11, MCM),
             (11, 2, 1, -1, MCM),  # lost
             (12, 2, 1, 14, MCM),  # late
-            (13, 2, -1, -1, MCM),  # the row of a message that nobody is in range of
+            (13, 2, -1, -1, MCM),  # the row of a message without an agent in range
             (12, 3, 1, 13, 0),  # a state, no plan
             (10, 1, 2, -1, MCM),  # lost, and no other one
         ]

@@ -36,7 +36,7 @@ COMMANDS = (
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory) -> Path:
-    """Two agents behind each other, one of whom drives on; everything recorded."""
+    """Two agents behind each other, one of which drives on; everything recorded."""
     problems = [problem(agent, x, goal=(x + 20.0, 0.0), time_step=(0, 12)) for agent, x in ((1, 10.0), (2, 40.0))]
     scenario = world(straight_road(), cars=[Car(7, 90.0, velocity=12.0)], problems=problems, steps=12)
     run = simulate(

@@ -166,8 +166,8 @@ def test_every_participant_in_a_view_is_seen_or_has_been_told_of():
     for time_step, ids, via, near in told:
         senders = set(messages.sender_id[mine & (messages.arrived <= time_step)].tolist())
         assert near[via == 0].all(), "what is seen is within the range of sensors"
-        assert set(ids[via == 1].tolist()) <= senders, "who speaks for itself has been heard"
-        assert senders or not (via == 2).any(), "nobody reports before anything has arrived"
+        assert set(ids[via == 1].tolist()) <= senders, "an agent that speaks for itself has been heard"
+        assert senders or not (via == 2).any(), "no agent reports before anything has arrived"
         by_message += int((via > 0).sum())
     assert by_message > 20
 

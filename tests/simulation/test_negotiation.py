@@ -117,7 +117,7 @@ THROUGH = {"rollout": 36.0, "idm": 44.0}
 @pytest.mark.parametrize("ahead", [-50, -30, 0, 30, 60])
 def test_oncoming_agents_pass_each_other_at_a_passing_place(ahead, planner):
     run, agreements = drive(passing_place(ahead), planner, **AGREEING)
-    assert set(run.outcomes.outcome) == {"goal_reached"}, "nobody collides, nobody is late"
+    assert set(run.outcomes.outcome) == {"goal_reached"}, "no collision, no delay"
     assert max(ends(run).values()) * run.scenario.dt <= THROUGH[planner]
     assert deadlocks(run) == ()
     assert held(agreements) <= {(1, 2), (2, 1)}
@@ -135,7 +135,7 @@ MAIN_ROAD = Priorities(ranks=((1, (2, 2, 2)), (2, (4, 4, 4))))
 
 
 def held(agreements):
-    """Who held for whom."""
+    """Which agent held for which."""
     return set(zip(agreements["holding_id"].tolist(), agreements["going_id"].tolist(), strict=True))
 
 
@@ -217,7 +217,7 @@ def test_plans_of_one_agent_that_are_lost_for_a_second_delay_both_by_three_secon
 
 
 def test_a_bar_is_gone_soon_after_the_other_agent_has_crashed():
-    # Agent 1 arrives first and minds nobody; before the crossing a car runs into its side.
+    # Agent 1 arrives first and minds no other vehicle; before the crossing a car runs into its side.
     scenario = two_roads(ways=(30.0, 36.0), cars=[Car(9, x=-12.0, y=25.0, velocity=10.0, orientation=-0.5 * np.pi)])
     scenario = replace(scenario, priorities=Priorities(priority_side="none"))
     run, agreements = drive(scenario, {1: Straight, 2: "idm"}, **AGREEING)

@@ -38,7 +38,7 @@ def settings(**values):
 
 
 class Looking(Straight):
-    """Remembers whom it saw and for whom it got predictions."""
+    """Remembers which participants it saw and for which it got predictions."""
 
     def __init__(self):
         self.seen, self.predicted = {}, {}

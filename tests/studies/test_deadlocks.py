@@ -63,7 +63,7 @@ def test_an_agent_that_still_moves_is_no_part_of_a_circle():
 
 
 def test_a_circle_may_consist_of_bodies_ahead_and_of_agreements():
-    # 1 stands behind 2, which holds for 3, which holds for 1; 3 also holds for 4, which waits for nobody.
+    # 1 stands behind 2, which holds for 3, which holds for 1; 3 also holds for 4, which waits for no agent.
     places = ((0.0, 0.0, 0.0), (6.0, 0.0, 0.0), (40.0, 40.0, 0.0), (80.0, 0.0, 0.0))
     held = ((2, 3, *ALWAYS), (3, 4, *ALWAYS), (3, 1, *ALWAYS))
     assert deadlocks(standing(places, held)) == ((1, 2, 3),)

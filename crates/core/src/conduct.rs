@@ -55,7 +55,7 @@ mod tests {
     use super::{reverses, travel_time};
 
     #[test]
-    fn who_moves_backwards_faster_than_standing_reverses() {
+    fn a_vehicle_that_moves_backwards_faster_than_standing_reverses() {
         assert_eq!([-1.5, -0.11, -0.1, 0.0, 1.5].map(reverses), [true, true, false, false, false]);
     }
 

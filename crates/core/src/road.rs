@@ -56,12 +56,12 @@ pub struct LaneletInput {
     pub adjacent_right: Option<(i64, bool)>,
     /// Speed limit [m/s]; NaN: unknown.
     pub speed_limit: f64,
-    /// For whom it is a lane; for others it is ground that they drive on only where nothing else leads on.
+    /// The kinds of participants for which it is a lane; others drive on it only where nothing else leads on.
     pub users: Users,
 }
 
 impl LaneletInput {
-    /// A lane for everybody between two bounds, without a limit, neighbours, predecessors and successors.
+    /// A lane for all kinds between two bounds, without a limit, neighbours, predecessors and successors.
     pub fn between(id: i64, left: Vec<Point>, right: Vec<Point>) -> Self {
         Self {
             id,

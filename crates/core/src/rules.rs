@@ -1,6 +1,6 @@
 //! Rules of the road along the path of an agent: speed limits, traffic lights, stop signs, crosswalks, blinkers. They follow
 //! from the map and the lights as they are now; what an agent remembers (of a stop sign, a light, a crosswalk) is part of the
-//! world. Who goes first at junctions: `right_of_way`.
+//! world. Right of way at junctions: `right_of_way`.
 
 mod blinkers;
 mod crosswalks;
@@ -58,7 +58,7 @@ settings! {
         /// Be careful at junctions where buildings or parked vehicles hide a road with priority, if `view.occlusion`.
         unseen: bool = true;
         /// Pass standing vehicles and obstacles over the oncoming lane where the line between the lanes may be crossed
-        /// and nobody is oncoming; planner `rollout` only.
+        /// and no vehicle is oncoming; planner `rollout` only.
         passing: bool = true;
         /// Rely on vehicles that do not obey to give way at junctions where they should, even if they would have to
         /// brake hard.

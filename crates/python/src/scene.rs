@@ -25,7 +25,7 @@ pub struct Told {
     pub state: State,
 }
 
-/// A participant in a row of the scene, or one of whom an agent was told.
+/// A participant in a row of the scene, or a participant that a message told an agent of.
 pub enum Shown<'a> {
     Row(usize),
     Told(&'a Told),

@@ -17,7 +17,7 @@ use crate::predictor::PyPredictor;
 use crate::scene::PyScene;
 use crate::view::PyView;
 
-/// Who predicts: the core, or what a predictor in Python has answered.
+/// The source of predictions: the core, or what a predictor in Python has answered.
 #[derive(FromPyObject)]
 pub enum PyForecast<'py> {
     Core(PyRef<'py, PyPredictor>),

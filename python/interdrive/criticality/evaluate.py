@@ -179,7 +179,7 @@ class Criticality(Tabled):
         values = np.where(np.isfinite(extremes.value) & ~is_artefact, extremes.value, np.nan)
         if measure.none_is_zero:
             values = np.where(values == 0.0, np.nan, values)
-        # Whoever is most critical against what it overlaps may have met others, too.
+        # A vehicle that is most critical against what it overlaps may have met others, too.
         others = self.most_critical_pairs(name, 1, rows=is_artefact) if is_artefact.any() else ()
         if not np.isfinite(values).any():
             return others[0] if others else None

@@ -246,7 +246,7 @@ def _starts(core: _core.Stage, scenario: Scenario, agents: list[Agent], settings
     last = max(0, scenario.obstacles.n_steps - 1 - rest) if is_random else 0
     found = [_start(core, agents, time_step, rest) for time_step in range(last + 1)]
     if not any(start.eligible for start in found) and agents and not is_random:
-        # Nobody drives at first: with the first that comes.
+        # If no learner drives at first: with the first that comes.
         found = [_start(core, agents, min(agent.initial_state.time_step for agent in agents), rest)]
     return (start for start in found if start.eligible or start.later)
 

@@ -139,7 +139,7 @@ def completed_messages(
             names = element.DESCRIPTOR.fields_by_name["element_id"].enum_type
             if names.values_by_number[element.element_id].name not in known:
                 element.element_id = names.values_by_name["UNKNOWN"].number
-    # Nobody reads values that signs show for a time.
+    # Values that signs show for a time are never read.
     traffic.ClearField("traffic_sign_value")
     for problem in problems.planning_problems:
         if _is_any_angle(problem.initial_state.orientation):

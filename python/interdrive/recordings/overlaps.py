@@ -65,7 +65,7 @@ def overlapping(obstacles: Obstacles, dt: float, storeys: RoadNetwork | None = N
 def overlapping_at_first(traffic: Placed, storeys: RoadNetwork | None = None) -> tuple[tuple[int, int], ...]:
     """Pairs that overlap at their first common time step: one of them stands in the other as it appears.
 
-    Nobody drove them together, so that what measures say about them is about the recording.
+    They were never driven together, so that what measures say about them is about the recording.
 
     Args:
         traffic: Participants over time.

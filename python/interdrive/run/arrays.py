@@ -338,7 +338,7 @@ class Messages(Tabular):
 
 @dataclass(frozen=True, repr=False)
 class Agreements(Tabular):
-    """Stretches of time in which an agent held for another one, by their first time step, then by who held."""
+    """Stretches of time in which an agent held for another one, by first time step and holding agent."""
 
     _rows = "agreements"
 

@@ -303,8 +303,8 @@ def _near(run: RunRecord, row: int, column: int, reach: float) -> Ints:
 def _extents(run: RunRecord, path: Floats, row: int, rows: Ints, column: int) -> tuple[Floats, Floats, float, Floats]:
     """Where participants are beside the path: nearest arc length, distance of centres, own front, and half widths."""
     states = run.states
-    everyone = np.append(rows, row)
-    points = np.stack([states.x[everyone, column], states.y[everyone, column]], axis=1)
+    every = np.append(rows, row)
+    points = np.stack([states.x[every, column], states.y[every, column]], axis=1)
     s, beside, heading = path_coordinates(path, points)
     own_front = float(s[-1]) + 0.5 * float(states.length[row])
     s, beside, turned = s[:-1], beside[:-1], states.orientation[rows, column] - heading[:-1]

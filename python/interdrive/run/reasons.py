@@ -252,7 +252,7 @@ def _collision(run: RunRecord, place: int) -> str:
 
 
 def _touched(contact: Contact, name: str) -> str:
-    """Who moved into whom, and with which sides."""
+    """Which vehicle moved into which, and with which sides."""
     own, theirs = contact.sides
     moves, comes = (approach > _core.JUDGED_STANDSTILL_SPEED for approach in contact.approach)
     ends, sides = ("front", "rear"), ("left", "right")

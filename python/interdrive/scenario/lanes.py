@@ -1,4 +1,4 @@
-"""What a map says about lanes: for whom a lanelet is one, and on which side of the road vehicles drive."""
+"""What a map says about lanes: for which kinds a lanelet is one, and on which side of the road vehicles drive."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _EVERYBODY = frozenset(KINDS)
 _NOBODY: frozenset[str] = frozenset()
 
-#: Kinds for which a lanelet of a type is a lane; a lanelet of any other type, or of none, is one for everybody.
+#: Kinds for which a lanelet of a type is a lane; a lanelet of any other type, or of none, is one for all.
 USERS_BY_TYPE = {
     **dict.fromkeys(("sidewalk", "border", "crosswalk", "parking", "shoulder"), _NOBODY),
     **dict.fromkeys(("restricted", "restricted_area"), frozenset(("priority_vehicle",))),
@@ -28,7 +28,7 @@ USERS_BY_TYPE = {
 }
 #: Types of lanelets at the edge of the road, on the side on which vehicles drive.
 _OUTER = frozenset(("shoulder", "busLane", "busStop", "bicycleLane", "parking", "sidewalk", "accessRamp", "exitRamp"))
-#: The same for lanelets whose stated users are all named here; any other user opens a lanelet for everybody.
+#: The same for lanelets whose stated users are all named here; any other user opens a lanelet for all.
 USERS_BY_USER = {
     **dict.fromkeys(("pedestrian", "train"), _NOBODY),
     "bicycle": frozenset(("bicycle",)),
@@ -44,7 +44,7 @@ def lane_users(lanelets: Lanelets) -> list[frozenset[str]]:
     """Kinds of participants (`KINDS`) for which each lanelet is a lane.
 
     A lanelet of several types is a lane for the kinds that all of them admit. A crosswalk between two lanes is a piece
-    of road that people cross, and for everybody. Where no lanelet of a map is a lane for a kind, types and users do not
+    of road that people cross, and for all. Where no lanelet of a map is a lane for a kind, types and users do not
     count for it.
     """
     users = lanelets.users or ((),) * len(lanelets.ids)

@@ -261,7 +261,7 @@ class Scenario:
         incomings: Incoming elements of intersections, sorted by intersection and id; empty if the file has none.
         traffic_lights: Sorted by id.
         stop_lines: Where vehicles stop for lights and stop signs, sorted by lanelet.
-        priorities: Who goes first at junctions, as far as the file says.
+        priorities: Right of way at junctions, as far as the file says.
         crosswalks: Lanelets on which people cross the road, ascending ids.
         raw: Its recordings were not repaired, see `interdrive.read_scenario`.
         turned: Angle by which all headings were turned when the file was read [rad].

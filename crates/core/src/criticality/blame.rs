@@ -306,7 +306,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         fault_nuplan,
         is_crossing,
     };
-    // Whoever reverses answers for what its rear touches, however late the other one came.
+    // A vehicle that reverses answers for what its rear touches, however late the other one came.
     if agent.reverses() && side == 3 {
         return verdict(FaultKind::Reversed, None);
     }
@@ -337,7 +337,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     {
         return verdict(FaultKind::None, Some(&into_ours));
     }
-    // Whoever drives across a lane without a lane of its own there has no way that the lane's traffic could enter, nor has
+    // A vehicle that drives across a lane without a lane of its own has no way that the lane's traffic could enter, nor has
     // one that reverses.
     let owns_a_way = !other_drives
         || other.speed().abs() <= STANDING_SPEED

@@ -44,7 +44,7 @@ settings! {
         erosion: f64 ["m"] = 0.3, NOT_NEGATIVE;
         /// Largest overlap that does not count.
         overlap_min: f64 ["m²"] = 0.1, NOT_NEGATIVE;
-        /// Who counts as ahead: participants whose centre lies on the path, or whose footprint reaches into it.
+        /// Participants that count as ahead: those whose centre lies on the path, or whose footprint reaches into it.
         lead_membership: LeadMembership;
         /// Time headway: normalized is headway divided by speed, recorded is the time until the recording reaches the
         /// present place of the vehicle ahead.

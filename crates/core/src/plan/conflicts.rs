@@ -218,7 +218,7 @@ impl Conflicts {
         }
     }
 
-    /// The vehicle waits for all occupancies that begin later, but for those who join behind it.
+    /// The vehicle waits for all occupancies that begin later, except vehicles that join behind it.
     pub(super) fn yield_to_all(&mut self, ego: &Ego) {
         for occupancy in &mut self.occupancies {
             let interval = &self.intervals[occupancy.row + occupancy.first];
@@ -242,7 +242,7 @@ impl Conflicts {
         })
     }
 
-    /// Drops those who stand and whom the footprint, larger by a margin [m], does not touch along the path at the target.
+    /// Drops standing participants that the footprint, grown by a margin [m], does not touch on the way to the target.
     pub(super) fn spare_untouched(&mut self, request: &PlanRequest, ego: &Ego, margin: f64) {
         const STEP: f64 = 0.5;
         let Self { occupancies, intervals, .. } = self;
@@ -271,7 +271,7 @@ impl Conflicts {
 
     /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²], for a vehicle at an arc
     /// length [m] with a speed [m/s]; infinite without any. `follow` gives the acceleration for a gap [m] behind a leader of
-    /// a speed [m/s], of which `minimum_gap` [m] is kept; those who cross may be left out.
+    /// a speed [m/s], of which `minimum_gap` [m] is kept; crossing participants may be left out.
     pub(super) fn allowed(
         &self,
         point: usize,

@@ -203,7 +203,7 @@ impl LaneRoutes {
         Some(Aim { lane, s, d })
     }
 
-    /// Nobody is beside the agent on a lane, and the gap there leaves what it must.
+    /// No vehicle is beside the agent on a lane, and the gap there leaves the required distances.
     fn fits(&self, request: &PlanRequest, criterion: Criterion, there: Aim) -> bool {
         let velocity = request.state.velocity.max(0.0);
         let Neighbours { leader, follower } =

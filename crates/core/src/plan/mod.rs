@@ -154,7 +154,7 @@ pub struct PlanRequest<'a> {
 pub struct LaneChange {
     /// It changes into a gap that is large enough: vehicles behind it keep the distance.
     pub is_accepted: bool,
-    /// It changes lanes, in any gap: nobody beside it has to yield.
+    /// It changes lanes, in any gap: no vehicle beside it has to yield.
     pub is_under_way: bool,
     /// A plan aims at most this far to the side [m].
     pub step: f64,

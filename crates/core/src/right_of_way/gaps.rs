@@ -1,4 +1,4 @@
-//! Gaps between reservations: whether the windows of a request fit in, and who has to leave before whom.
+//! Gaps between reservations: whether the windows of a request fit in, and which vehicle has to leave before which.
 
 use super::ledger::{Decision, Ledger, Request};
 use super::traffic::{OrderKind, Reservation, Traveller, Yielding};

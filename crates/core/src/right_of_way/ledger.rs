@@ -1,4 +1,4 @@
-//! The ledger of who may use which conflict zones: requests and reservations, as one agent knows of them, and one order.
+//! The ledger of the use of conflict zones: requests and reservations, as one agent knows of them, and one order.
 //!
 //! Zones are used by one vehicle at a time. A vehicle that cannot stop before its passage any more, or does not obey, has
 //! reserved it. The others ask in turn: those first that wait for none of the rest by the map, equals by their arrival, then

@@ -1,4 +1,4 @@
-//! Right of way: who may use the ground that ways share, and when. It follows from the map, the motion of those that an
+//! Right of way: when a vehicle may use ground that ways share. It follows from the map, the motion of those that an
 //! agent sees, and what it remembers (its arrival, its grant), which is part of the world.
 //!
 //! Best read in this order: `zones` (conflict zones along a way), `traffic` (what a step looks at, what agents are told),

@@ -375,7 +375,7 @@ struct Ring {
     n_overlaps: usize,
     /// The largest distance of a front beyond the first entry line on its way [m], as long as all are there.
     beyond: f64,
-    /// Who was the first to get an exception, and when [s].
+    /// The first agent that gets an exception, and when [s].
     first_exception: Option<(i64, f64)>,
     time: f64,
 }

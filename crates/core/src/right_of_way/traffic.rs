@@ -99,7 +99,7 @@ pub(crate) struct Traveller<'a> {
     pub line: f64,
     /// Arc length of the crosswalk before which it has to wait [m]; infinite without one.
     pub crosswalk: f64,
-    /// It does not obey, or is not seen: it asks those who hear it by messages. Behind who asks for nothing it asks for nothing.
+    /// It does not obey, or is not seen, and asks by messages. Behind a vehicle that asks for nothing it asks for nothing.
     pub asks_by_message: bool,
     /// It turns right on red: it waits for all others.
     pub turns_on_red: bool,

@@ -86,7 +86,7 @@ impl Zone {
     }
 }
 
-/// Width of a vehicle that can meet a car in an area [m]; -inf where nobody can meet.
+/// Width of a vehicle that can meet a car in an area [m]; -inf where vehicles cannot meet.
 pub fn meeting_width(area: &Area) -> f64 {
     if area.kind == AreaKind::Opposed { area.width - MEETING_MARGIN - DESIGN_WIDTH } else { f64::NEG_INFINITY }
 }

@@ -41,7 +41,7 @@ pub struct Lanelet {
     pub adjacent_right: Option<(usize, bool)>,
     /// Speed limit [m/s]; NaN: unknown.
     pub speed_limit: f64,
-    /// For whom it is a lane.
+    /// The kinds of participants for which it is a lane.
     pub users: Users,
     /// Length of the centre line [m].
     pub length: f64,

@@ -1,4 +1,4 @@
-//! Who may drive on a lanelet.
+//! Which participants may drive on a lanelet.
 
 use crate::vehicle::ParticipantKind;
 
@@ -7,7 +7,7 @@ use crate::vehicle::ParticipantKind;
 pub struct Users(u32);
 
 impl Users {
-    /// A lane for everybody.
+    /// A lane for all kinds.
     pub const ALL: Self = Self(u32::MAX);
 
     /// From one bit per kind, that of code 0 lowest.

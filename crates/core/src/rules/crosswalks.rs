@@ -16,11 +16,11 @@ const GAP_MIN: f64 = 1.0;
 const HALF_LANE: f64 = 1.75;
 /// People leave the outline of a crosswalk by so much [m].
 const BESIDE: f64 = 1.0;
-/// Who is slower than this stands, or walks along the road [m/s].
+/// A person slower than this stands, or walks along the road [m/s].
 const WALKING: f64 = 0.3;
 /// People this near to the lane count [m] ...
 const NEAR_DISTANCE: f64 = 2.0;
-/// ... and those who reach it within this time [s].
+/// ... and people who reach it within this time [s].
 const AHEAD: f64 = 3.0;
 /// A bicycle uses the crosswalk if so much of its speed leads across the lane.
 const ACROSS: f64 = 0.7;

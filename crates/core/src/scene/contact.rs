@@ -22,7 +22,7 @@ impl Scene {
     ///
     /// `drive` holds the swept boxes of the intervals from now on. Participants are longer and wider by `margin` [m],
     /// in all, and are swept between their positions as well; static obstacles count with their exact shapes. `told` knows
-    /// the bodies of those whom the agent does not see itself.
+    /// the bodies of participants that the agent does not see itself.
     pub fn first_contact<'a>(
         &'a self,
         agent: i64,

@@ -3,7 +3,7 @@
 //!
 //! Best read in this order: `settings`, `draw` (numbers of the channel), `channel` (receivers and arrival), `message`,
 //! `trigger` (when something is sent), `inbox` (what arrived), `network` (all of it, state of the world), then `know`
-//! (what an agent knows) and `expect` (what was received as predictions). What follows for who goes first:
+//! (what an agent knows) and `expect` (what was received as predictions). What follows for the right of way:
 //! `world/cooperation`.
 
 mod channel;

@@ -24,7 +24,7 @@ settings! {
         range: f64 ["m"] = 300.0, positive(1e6);
         /// Reception fades with distance (Nakagami, m = 3) instead of ending at the range.
         fading: bool = false;
-        /// Agents whose paths cross agree who goes first.
+        /// Agents whose paths cross agree which of them goes first.
         negotiate: bool = false;
         /// Distance that a yielding agent keeps to the conflict zone.
         hold_margin: f64 ["m"] = 1.0, between(0.3, 5.0);

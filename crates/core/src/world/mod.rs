@@ -204,7 +204,7 @@ pub struct World {
     orders: OnceLock<Vec<Order>>,
     /// Some agent has a crosswalk on its way that it obeys.
     has_crosswalks: bool,
-    /// Who waits before crosswalks at the present time step, once that was needed.
+    /// The agents that wait before crosswalks at the present time step, once that was needed.
     waits: OnceLock<Vec<(i64, usize, Barrier)>>,
     /// State now, per participant; `None` if absent.
     states: Vec<Option<State>>,

@@ -85,8 +85,8 @@ impl World {
     }
 
     /// Predictions in which agents take the ways that they show and keep to their lanes there, and those that were told to
-    /// wait before a junction do so; `None` if no agent does either. Blinkers and right of way are public: nobody needs
-    /// the plan of another one to go by them. Agreements are known to those who hear of them.
+    /// wait before a junction do so; `None` if no agent does either. Blinkers and right of way are public: no agent
+    /// needs another one's plan to go by them. Agreements are known to the agents that hear of them.
     pub(super) fn with_rules(&self, predictions: &Predictions) -> Option<Predictions> {
         let mut found: Option<Predictions> = None;
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
@@ -132,7 +132,7 @@ impl World {
         let is_vehicle = |row: &&usize| self.participants.kind[**row].is_on_the_road();
         let rows: Vec<usize> = scene.present.iter().filter(is_vehicle).copied().collect();
         let mut obeying: Vec<Option<&Drive>> = vec![None; rows.len()];
-        // Who reverses asks for no zone; it reserves those that it is in, like vehicles that do not obey.
+        // An agent that reverses asks for no zone; it reserves those that it is in, like vehicles that do not obey.
         let asks = |drive: &&Drive| drive.obeys() && !self.reverses(drive);
         for drive in driving().filter(asks) {
             if let Ok(place) = rows.binary_search(&drive.row) {

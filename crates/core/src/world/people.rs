@@ -1,5 +1,5 @@
-//! Giving way to people on crosswalks: which agents wait for whom. It follows from what each agent sees now, and from
-//! where it waited at the last step.
+//! Which agents give way to which people on crosswalks. It follows from what each agent sees now, and from where it
+//! waited at the last step.
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
@@ -14,7 +14,7 @@ use crate::vehicle::ParticipantKind;
 
 /// Past steps from which the speed of people is observed.
 const PAST: usize = 3;
-/// Who began to stop goes on with it, up to this deceleration [m/s²]: brakes need a moment.
+/// An agent that began to stop goes on with it, up to this deceleration [m/s²]: brakes need a moment.
 const STOPPING: f64 = 4.0;
 
 impl World {

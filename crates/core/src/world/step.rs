@@ -1,6 +1,6 @@
-//! A step of every loop: [`Step::begin`] observes, [`Step::expect`] predicts, [`Step::plan`] plans, [`World::step`] moves
-//! all at once. In between, whoever answers outside the core has what it needs: a predictor the scene, a planner what is
-//! expected.
+//! A step of every loop: [`Step::begin`] observes, [`Step::expect`] predicts, [`Step::plan`] plans, [`World::step`]
+//! moves all at once. In between, planners and predictors outside the core have what they need: a predictor the scene,
+//! a planner what is expected.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions};
 use crate::v2x::SharedPredictions;
 
-/// Who predicts.
+/// The source of predictions.
 #[derive(Debug, Clone, Copy)]
 pub enum Forecast<'a> {
     /// A predictor of the core, so many time steps ahead.
@@ -34,9 +34,9 @@ pub struct Expected {
 pub struct Step {
     /// What is there now.
     pub scene: Arc<Scene>,
-    /// What is expected of it, once somebody predicted.
+    /// What is expected of it, once that was predicted.
     expected: Option<Expected>,
-    /// Plans of all agents that drive; whoever plans outside the core writes into their rows.
+    /// Plans of all agents that drive; planners outside the core write into their rows.
     pub plans: Plans,
 }
 
@@ -54,7 +54,7 @@ impl Step {
         self.plans.clear(world.time_step(), world.driving_ids(), 2);
     }
 
-    /// Predicts, unless that has been done: planners of the core need it, and outside the core who observes predictions.
+    /// Predicts, unless that has been done: planners of the core need it, and observers outside.
     ///
     /// # Errors
     /// `WrongTimeStep` if the scene or the predictions are not of now; `InvalidInput` for another world; those of the

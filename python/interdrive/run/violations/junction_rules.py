@@ -1,4 +1,4 @@
-"""Rules at junctions: who goes first over an area that two ways share, and that no vehicle stands in one."""
+"""Rules at junctions: which vehicle goes first over an area that two ways share, and that no vehicle stands in one."""
 
 from __future__ import annotations
 

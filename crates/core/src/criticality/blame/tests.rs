@@ -104,7 +104,7 @@ fn a_faster_neighbour_that_leaves_its_lane_is_not_cut_off_by_who_keeps_the_lane(
     let keeping = |id| car(id, 30.0, 10.0, 0.0, |_| 0.0);
     assert_eq!(verdict(two_lanes(), keeping(AGENT), drifting(OTHER)).kind, FaultKind::None);
     assert_eq!(verdict(two_lanes(), drifting(AGENT), keeping(OTHER)).kind, FaultKind::CutOff);
-    // Who changes to a lane does not keep it, even if it is in it in the end, and the follower swerves.
+    // A vehicle that changes to a lane does not keep it, even if it is in it in the end, and the follower swerves.
     let changing = car(AGENT, 36.0, 10.0, 0.0, |k| if k < 10 { 3.5 } else { 1.5 - 0.15 * (k - 10).min(10) as f64 });
     let swerving = car(OTHER, 22.0, 15.0, 0.0, |k| if k < 15 { 0.0 } else { -1.0 });
     assert_eq!(verdict(two_lanes(), changing, swerving).kind, FaultKind::CutOff);
@@ -112,7 +112,7 @@ fn a_faster_neighbour_that_leaves_its_lane_is_not_cut_off_by_who_keeps_the_lane(
 
 #[test]
 fn where_lanes_join_keeping_one_s_lane_is_no_right_to_go_first() {
-    // Lane 3 joins lane 1 at a flat angle; who comes along it is in its lane all the way, and the other one swerves.
+    // Lane 3 joins lane 1 at a flat angle; a vehicle on it is in its lane all the way, and the other one swerves.
     let mut lanes = parallel_lanes(2, 300.0);
     lanes.push(lane(3, &straight((0.0, -6.0), (60.0, -0.5))));
     let joining = Actor::car(
@@ -210,7 +210,7 @@ fn who_rides_across_a_lane_into_the_flank_of_a_car_that_keeps_it_is_not_cut_off(
         assert_eq!(found.kind, FaultKind::None, "{degrees} degrees, {found:?}");
         assert_ne!(found.side, 0, "{degrees} degrees");
     }
-    // Who leaves its lane for that place is at fault.
+    // A vehicle that leaves its lane for that place is at fault.
     let changing = car(AGENT, 60.0, 8.0, 0.0, |k| if k < 52 { 3.5 } else { 1.5 });
     let found = verdict(two_lanes(), changing, car(OTHER, 60.0, 8.0, 0.0, |_| 0.0));
     assert_eq!(found.kind, FaultKind::CutOff);

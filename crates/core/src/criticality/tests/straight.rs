@@ -41,7 +41,7 @@ fn for_a_car_that_reverses_what_is_behind_it_is_ahead() {
     let found = with(35.0, 0.0);
     assert!((found.time - 2.0).abs() < 1e-4 && found.partner == 2, "{found:?}");
     assert!((with(35.0, 5.0).time - 1.0).abs() < 1e-4, "both close in");
-    assert_eq!(with(60.0, -12.0).time, INF, "who comes after it has to brake");
+    assert_eq!(with(60.0, -12.0).time, INF, "a vehicle that comes after it has to brake");
 }
 
 #[test]

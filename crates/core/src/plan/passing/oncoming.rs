@@ -10,7 +10,7 @@ use crate::geometry::Point;
 const PROBABILITY_MIN: f64 = 0.2;
 /// Largest offset of an oncoming vehicle from its lane while it passes something itself [m].
 const PASSING_OFFSET: f64 = 2.0;
-/// Two have to agree who goes first if what they pass is less than this apart [m].
+/// Two agents have to agree which of them goes first if what they pass is less than this apart [m].
 const OBSTRUCTION_DISTANCE: f64 = 50.0;
 /// Something blocks a lane if it leaves a vehicle less than this on one side of the middle [m].
 const BLOCKING_MARGIN: f64 = 0.3;
