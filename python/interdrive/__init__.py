@@ -42,6 +42,7 @@ _HOME = {
     "Frenet": "planners",
     "Idm": "planners",
     "IdmMobil": "planners",
+    "Lawful": "planners",
     "Planner": "planners",
     "PlannerSettings": "planners",
     "Recorded": "planners",

@@ -29,6 +29,7 @@ from interdrive.planners import (
     Frenet as Frenet,
     Idm as Idm,
     IdmMobil as IdmMobil,
+    Lawful as Lawful,
     Planner as Planner,
     PlannerSettings as PlannerSettings,
     Recorded as Recorded,

@@ -294,6 +294,31 @@ class Idm(CarFollowing):
 
 
 @dataclass(frozen=True)
+class Lawful(CarFollowing):
+    """Drives the reference path of its route with the Intelligent Driver Model, as `Idm`, but at the lawful speed.
+
+    The desired speed is the lawful free-flow speed: the speed limit, the speed that curves allow and the vehicle's
+    largest speed, whichever is least. It knows no time of its goal. Where no limit is stated, the nearest one on the
+    path within 50 m counts, else the largest of 5 m/s, the speed at which it entered, and the median speed of what
+    moves its way within 100 m. See docs/reference/planners.md.
+
+    Attributes:
+        speed_factor: Factor applied to the lawful speed. Between 0.01 and 10.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
+            Positive and at most 100.
+    """
+
+    acceleration: Annotated[float, "m/s²"] = 1.5
+    deceleration: Annotated[float, "m/s²"] = 2.0
+    speed_factor: float = 1.0
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Lawful", self)
+
+
+@dataclass(frozen=True)
 class IdmMobil(Idm):
     """Drives with the Intelligent Driver Model, as `Idm`, and changes lanes with MOBIL.
 

@@ -13,7 +13,7 @@ from interdrive.results.story import story
 from interdrive.scenario import Priorities, StopLine
 from interdrive.testing import Car, check_planner, crossing, problem, straight_road, world
 
-NATIVE = ("rollout", "frenet", "idm", "idm_mobil")
+NATIVE = ("rollout", "frenet", "idm", "lawful", "idm_mobil")
 
 
 class Reversing:

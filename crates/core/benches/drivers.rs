@@ -5,7 +5,7 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::plan::{CarFollowing, IdmSettings, Planner};
+use interdrive_core::plan::{CarFollowing, IdmSettings, LawfulSettings, Planner};
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{RouteSettings, find_route};
@@ -97,6 +97,7 @@ fn benches(c: &mut Criterion) {
         ("recorded", Planner::Recorded),
         ("velocity_adjusting", Planner::VelocityAdjusting(CarFollowing::default())),
         ("idm", Planner::Idm(IdmSettings::default())),
+        ("lawful", Planner::Lawful(LawfulSettings::default())),
         ("idm_mobil", Planner::IdmMobil(Box::default())),
         ("frenet", Planner::Frenet(Box::default())),
         ("rollout", Planner::Rollout(Box::default())),

@@ -128,6 +128,17 @@ impl SpeedLimits {
         let index = (s / SPACING).max(0.0) as usize;
         self.values.get(index.min(self.values.len().max(1) - 1)).copied().unwrap_or(f64::INFINITY)
     }
+
+    /// The limit at an arc length [m], or the nearest one that is stated within a distance [m/s].
+    pub fn nearest(&self, s: f64, within: f64) -> Option<f64> {
+        if !self.any() {
+            return None;
+        }
+        let steps = (within / SPACING) as usize;
+        let ways = (0..=steps).map(|i| i as f64 * SPACING);
+        let around = ways.flat_map(|way| [self.at(s + way), self.at(s - way)]);
+        around.into_iter().find(|limit| limit.is_finite())
+    }
 }
 
 /// Where a path crosses a stop line.

@@ -52,6 +52,7 @@ impl PyPlanner {
             "recorded" => Planner::Recorded,
             "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),
             "idm" => Planner::Idm(read(record)?),
+            "lawful" => Planner::Lawful(read(record)?),
             "idm_mobil" => Planner::IdmMobil(Box::new(read::<IdmMobilSettings>(record)?)),
             _ => return Err(InputError::new_err((name.to_owned(), "is not a native planner"))),
         }))

@@ -4,7 +4,7 @@ use interdrive_core::criticality::Settings as MeasureSettings;
 use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::frenet::{FrenetSettings, FrenetTarget};
 use interdrive_core::plan::rollout::RolloutSettings;
-use interdrive_core::plan::{IdmMobilSettings, IdmSettings, VelocityAdjustingSettings};
+use interdrive_core::plan::{IdmMobilSettings, IdmSettings, LawfulSettings, VelocityAdjustingSettings};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
 use interdrive_core::rules::RulesSettings;
@@ -27,6 +27,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(FrenetSettings::default()),
         Box::new(VelocityAdjustingSettings::default()),
         Box::new(IdmSettings::default()),
+        Box::new(LawfulSettings::default()),
         Box::new(IdmMobilSettings::default()),
         Box::new(ConstantVelocity::default()),
         Box::new(LaneFollowing::default()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interdrive import _core
-from interdrive.native_settings import Frenet, Idm, IdmMobil, Rollout, VelocityAdjusting
+from interdrive.native_settings import Frenet, Idm, IdmMobil, Lawful, Rollout, VelocityAdjusting
 from interdrive.planners.policy import policy_planner
 
 
@@ -35,6 +35,7 @@ class PlannerSettings:
         velocity_adjusting: Settings of `velocity_adjusting`.
         idm: Settings of `idm`.
         idm_mobil: Settings of `idm_mobil`.
+        lawful: Settings of `lawful`.
     """
 
     rollout: Rollout = field(default_factory=Rollout)
@@ -42,6 +43,7 @@ class PlannerSettings:
     velocity_adjusting: VelocityAdjusting = field(default_factory=VelocityAdjusting)
     idm: Idm = field(default_factory=Idm)
     idm_mobil: IdmMobil = field(default_factory=IdmMobil)
+    lawful: Lawful = field(default_factory=Lawful)
 
 
 #: Names of the native planners, each with one line of explanation.
@@ -51,6 +53,7 @@ NATIVE = {
     "recorded": "replays the recording",
     "velocity_adjusting": "keeps the recorded path, and the recorded speed where the way is free",
     "idm": "drives its reference path with the Intelligent Driver Model",
+    "lawful": "drives its reference path with the Intelligent Driver Model, as fast as is lawful",
     "policy": "drives by a policy that was learned, `policy,file=FILE`",
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
 }
@@ -66,6 +69,7 @@ RECORDS: dict[str, type] = {
     "velocity_adjusting": VelocityAdjusting,
     "idm": Idm,
     "idm_mobil": IdmMobil,
+    "lawful": Lawful,
     "policy": Policy,
 }
 

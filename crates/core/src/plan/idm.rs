@@ -4,6 +4,7 @@ use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
 use super::frame::Start;
+use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{positive, settings};
 
@@ -41,23 +42,37 @@ impl IdmSettings {
 
 /// The plan for a request.
 pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut PlanningMemory) -> PlanResult {
-    let path = &request.route.path;
     // Recorded initial yaw rates are noisy; all later ones come from a plan.
     let start = match Start::new(request, request.previous.is_some()) {
         Ok(start) => start,
         Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
-    let n_points = request.predictions.n_steps + 1;
+    let wish = settings.goal_velocity(request, &start);
+    let limit = |s: f64| request.rules.way.limits.at(s);
     let law = &settings.law;
+    let free = |profile: &SpeedProfile, s: f64, velocity: f64| law.free(velocity, wish.min(profile.at(s)));
+    follow_path(request, law, (start, settings.lateral_acceleration), (limit, free), memory)
+}
+
+/// The plan along the reference path with a law of car following, for a lateral acceleration in curves [m/s²]: at most as
+/// fast as `limit` says for an arc length [m] and curves allow. `free` is the acceleration on a free road [m/s²] at an arc
+/// length [m] and a speed [m/s].
+pub(super) fn follow_path(
+    request: &PlanRequest,
+    law: &CarFollowing,
+    (start, lateral_acceleration): (Start, f64),
+    (limit, free_road): (impl Fn(f64) -> f64, impl Fn(&SpeedProfile, f64, f64) -> f64),
+    memory: &mut PlanningMemory,
+) -> PlanResult {
+    let path = &request.route.path;
+    let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
-    let way = request.rules.way;
-    conflicts.collect(request, &ego, n_points, request.barriers(way, start.s));
-    let cornering = request.vehicle.cornering(settings.lateral_acceleration);
-    speed_profile.fill(path, (&way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
-    let wish = settings.goal_velocity(request, &start);
+    conflicts.collect(request, &ego, n_points, request.barriers(request.rules.way, start.s));
+    let cornering = request.vehicle.cornering(lateral_acceleration);
+    speed_profile.fill_below(path, limit, (start.s, ego.reach), cornering, law.deceleration);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
-        let free = law.free(velocity, wish.min(speed_profile.at(s)));
+        let free = free_road(speed_profile, s, velocity);
         // The model adds both parts; `allowed` holds the acceleration of a free road.
         let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
         let taken = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration;

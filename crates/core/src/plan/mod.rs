@@ -10,6 +10,7 @@ mod lanes;
 mod neighbours;
 pub mod frenet;
 mod idm;
+mod lawful;
 pub mod learned;
 mod mobil;
 mod prediction_index;
@@ -27,6 +28,7 @@ pub mod weights;
 
 pub use car_following::CarFollowing;
 pub use idm::IdmSettings;
+pub use lawful::LawfulSettings;
 pub use mobil::IdmMobilSettings;
 pub use prediction_index::PredictionIndex;
 pub use velocity_adjusting::VelocityAdjustingSettings;
@@ -61,6 +63,8 @@ pub enum Planner {
     VelocityAdjusting(CarFollowing),
     /// The reference path with the Intelligent Driver Model.
     Idm(IdmSettings),
+    /// The same as fast as is lawful.
+    Lawful(LawfulSettings),
     /// The same with lane changes by MOBIL.
     IdmMobil(Box<IdmMobilSettings>),
     /// A learned policy.
@@ -72,7 +76,7 @@ pub enum Planner {
 impl Planner {
     /// It stops before what [`Rules::told`] names.
     pub fn heeds_barriers(&self) -> bool {
-        matches!(self, Self::Rollout(_) | Self::Frenet(_) | Self::Idm(_) | Self::IdmMobil(_))
+        matches!(self, Self::Rollout(_) | Self::Frenet(_) | Self::Idm(_) | Self::Lawful(_) | Self::IdmMobil(_))
     }
 }
 
@@ -251,7 +255,7 @@ impl Prepared {
                 let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
                 Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Frenet(_) | Planner::Idm(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -362,6 +366,7 @@ pub fn plan(
             velocity_adjusting::plan(request, law, recorded_path, memory)
         }
         (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
+        (Planner::Lawful(settings), _) => lawful::plan(request, settings, memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),
         _ => unreachable!("prepared for another planner"),

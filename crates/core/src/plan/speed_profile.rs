@@ -23,13 +23,25 @@ impl SpeedProfile {
         lateral_acceleration: f64,
         deceleration: f64,
     ) {
+        self.fill_below(path, |s| limits.at(s + ahead), (s, reach), lateral_acceleration, deceleration);
+    }
+
+    /// As [`SpeedProfile::fill`], with a limit [m/s] for every arc length [m].
+    pub(super) fn fill_below(
+        &mut self,
+        path: &ReferencePath,
+        limit: impl Fn(f64) -> f64,
+        (s, reach): (f64, f64),
+        lateral_acceleration: f64,
+        deceleration: f64,
+    ) {
         self.from = s;
         self.values.clear();
         let n = path.steps_from(s, SPACING, (reach / SPACING).ceil()) + 2;
         for i in 0..n {
             let at = s + i as f64 * SPACING;
             let curve = (lateral_acceleration / path.curvature_at(at).abs().max(1e-9)).sqrt();
-            let (limit, beyond) = (limits.at(at + ahead), at > path.length());
+            let (limit, beyond) = (limit(at), at > path.length());
             self.values.push(if beyond { limit } else { curve.min(limit) });
         }
         self.brake(deceleration);
