@@ -9,6 +9,7 @@
 //! change that is under way is seen from the previous plan.
 
 use super::arrival;
+use super::comfort::Comfort;
 use super::conflicts::Ego;
 use super::frame::Start;
 use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
@@ -56,17 +57,6 @@ const FOOT_WINDOW: f64 = 30.0;
 const BESIDE_OFFSET: f64 = 8.0;
 const BESIDE_STEP: f64 = 2.0;
 
-/// How an agent seeks a gap.
-#[derive(Debug, Clone, Copy)]
-pub(in crate::plan) struct Seeking {
-    /// A comfortable deceleration [m/s²].
-    pub(in crate::plan) deceleration: f64,
-    /// As in the comfort of the planners.
-    pub(in crate::plan) cruise_velocity_min: f64,
-    /// The largest difference to its present speed [m/s].
-    pub(in crate::plan) velocity_step: f64,
-}
-
 /// What a gap must leave.
 #[derive(Debug, Clone, Copy)]
 struct Criterion {
@@ -112,7 +102,7 @@ impl LaneRoutes {
     }
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
-    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Seeking) -> PlanRequest<'a> {
+    pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
         let leads_on = |aim: &Aim| {
             let lane = &self.lanes.lanes[aim.lane];
             lane.need(aim.s).is_some() && self.is_along(request, aim)
@@ -133,7 +123,7 @@ impl LaneRoutes {
     }
 
     /// The lane to drive in, and what the change asks of the agent.
-    fn choose(&self, request: &PlanRequest, comfort: &Seeking, aim: Aim) -> (Aim, LaneChange) {
+    fn choose(&self, request: &PlanRequest, comfort: &Comfort, aim: Aim) -> (Aim, LaneChange) {
         let lanes = &self.lanes.lanes;
         let beside = self.lanes.beside(aim.lane, aim.s, request.road);
         let velocity = request.state.velocity.max(0.0);
@@ -228,7 +218,7 @@ impl LaneRoutes {
     fn seek(
         &self,
         request: &PlanRequest,
-        comfort: &Seeking,
+        comfort: &Comfort,
         time_gap: f64,
         (here, there): (Aim, Aim),
         end: f64,

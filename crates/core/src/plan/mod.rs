@@ -2,6 +2,7 @@
 
 mod conflicts;
 mod arrival;
+mod comfort;
 mod car_following;
 mod emergency_braking;
 mod frame;
@@ -27,6 +28,7 @@ mod velocity_adjusting;
 pub mod weights;
 
 pub use car_following::CarFollowing;
+pub use comfort::{Comfort, FrenetComfort};
 pub use idm::IdmSettings;
 pub use lawful::LawfulSettings;
 pub use mobil::IdmMobilSettings;
@@ -46,7 +48,6 @@ use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
 use car_following::LEADER_HEADING_COSINE;
-use lane_change::Seeking;
 use lanes::Lanes;
 use recorded_path::RecordedPath;
 
@@ -276,8 +277,8 @@ impl Prepared {
     }
 
     /// The request in the frame of the lane in which the agent drives.
-    fn aim<'a>(&'a self, request: &PlanRequest<'a>, seeking: &Seeking) -> PlanRequest<'a> {
-        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, seeking) } else { *request }
+    fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
+        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, comfort) } else { *request }
     }
 }
 
@@ -295,7 +296,7 @@ pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest)
     match planner {
         Planner::Frenet(settings) => Some(Candidates::Frenet(frenet::candidates(request, settings))),
         Planner::Rollout(settings) => {
-            let aimed = prepared.aim(request, &settings.comfort.seeking());
+            let aimed = prepared.aim(request, &settings.comfort);
             Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))
         }
         _ => None,
@@ -356,7 +357,7 @@ pub fn plan(
             found
         }
         (Planner::Rollout(settings), _) => {
-            let aimed = prepared.aim(request, &settings.comfort.seeking());
+            let aimed = prepared.aim(request, &settings.comfort);
             let found = rollout::plan(&aimed, settings, &mut memory.rollout);
             memory.effort = memory.rollout.effort();
             found.unwrap_or_else(|| refused(request, memory, "the agent is not beside its path"))

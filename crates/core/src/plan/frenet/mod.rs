@@ -35,7 +35,7 @@ pub(super) mod tests;
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
 pub(super) use obstacles::part_boxes;
-pub use settings::{Comfort, CostWeights, FrenetSettings, N_TERMS};
+pub use settings::{CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};

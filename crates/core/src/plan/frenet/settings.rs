@@ -1,6 +1,6 @@
 //! Settings of the planner.
 
-use crate::conduct::COMFORTABLE_DECELERATION;
+use super::super::comfort::FrenetComfort;
 use crate::error::{Error, Result};
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
@@ -35,22 +35,6 @@ settings! {
         /// 1000 times the summed probabilities that a participant's centre or corners lie in the ego's footprint, over
         /// points and participants, weighted by the probabilities of the participants' modes.
         prediction: f64 = 0.07, NOT_NEGATIVE;
-    }
-
-    /// Comfortable driving. The desired speed respects these values; feasibility does not depend on them.
-    pub struct Comfort as FrenetComfort {
-        /// Time gap to a leader: the reaction time of the safe speed.
-        time_gap: f64 ["s"] = 0.85, positive(60.0);
-        /// Distance kept to a standing leader.
-        standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
-        /// Deceleration before leaders, curves and the goal.
-        deceleration: f64 ["m/s²"] = COMFORTABLE_DECELERATION, positive(100.0);
-        /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
-        lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
-        /// Largest difference between desired and present speed.
-        velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
-        /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
-        cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 
     /// Sampling in the Frenet frame of the reference path.
@@ -91,7 +75,7 @@ settings! {
         /// Weights of the cost.
         weights: CostWeights;
         /// Comfortable driving.
-        comfort: Comfort;
+        comfort: FrenetComfort;
     }, ends_within_horizon
 }
 

@@ -2,10 +2,11 @@
 
 use super::super::arrival::{self, LOOK_AHEAD};
 use super::super::car_following::safe_velocity;
+use super::super::comfort::FrenetComfort;
 use super::super::conflicts::LINE_GAP;
 use super::super::frame::Start;
 use super::super::{Other, PlanRequest};
-use super::settings::{Comfort, FrenetSettings};
+use super::settings::FrenetSettings;
 use crate::barrier::{Barrier, Barriers};
 use crate::conduct::STATIONARY_SPEED;
 use crate::geometry::{Aabb, Point};
@@ -203,7 +204,7 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
 
 /// Speed from which all curves ahead can be taken comfortably, and all speed limits be met, after comfortable braking, or
 /// `velocity` if that is less.
-fn path_velocity(request: &PlanRequest, start: &Start, comfort: &Comfort, velocity: f64) -> f64 {
+fn path_velocity(request: &PlanRequest, start: &Start, comfort: &FrenetComfort, velocity: f64) -> f64 {
     let (path, limits) = (&request.route.path, &request.rules.way.limits);
     let is_limited = limits.any();
     let b = comfort.deceleration;

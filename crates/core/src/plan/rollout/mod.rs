@@ -19,7 +19,7 @@ mod tests;
 
 pub use candidates::RolloutCandidates;
 pub(super) use candidates::candidates;
-pub use settings::{Comfort, N_TERMS, RolloutSettings, RolloutWeights};
+pub use settings::{N_TERMS, RolloutSettings, RolloutWeights};
 pub(in crate::plan) use start::Start;
 
 use super::conflicts::Conflicts;

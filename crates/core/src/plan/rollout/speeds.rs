@@ -4,9 +4,10 @@
 use super::super::PlanRequest;
 use super::super::arrival;
 use super::super::car_following::{PathMotion, safe_velocity};
+use super::super::comfort::Comfort;
 use super::super::conflicts::{Conflicts, Ego};
 use super::super::speed_profile::SpeedProfile;
-use super::settings::{Comfort, RolloutWeights};
+use super::settings::RolloutWeights;
 use super::start::Start;
 
 /// A desired speed is reached with this time constant [s].
