@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
@@ -22,13 +23,29 @@ from interdrive.errors import InputError
     multiple=True,
     help="A bound, weight or reaction, such as scoring.comfort.jerk=6; the documentation (Scores) lists them.",
 )
+@click.option(
+    "--panel",
+    type=click.Choice(("default", "none")),
+    help="Score against a panel: four drivers drive in the place of each agent (none: absolute).",
+)
+@click.option("--trust", is_flag=True, help="With --panel: import planners that run.json names as module:object.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
-def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv: bool) -> None:
+def score(
+    folder: str, agents: str | None, assignments: tuple[str, ...], panel: str | None, trust: bool, as_csv: bool
+) -> None:
     """Score the agents of a run from 0 to 100, with reasons for lost points.
 
     RUN is a run folder; score.parquet is written to it unless you give --agents or --set. For a batch folder BATCH, the
     command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines the terms.
+
+    With --panel, the command scores RUN by another definition (Scores against a panel). That simulates up to five runs
+    per agent and writes nothing.
     """
+    if panel is not None:
+        _score_against_panel(folder, agents, assignments, has_panel=panel == "default", trust=trust, as_csv=as_csv)
+        return
+    if trust:
+        raise InputError("--trust belongs to --panel: nothing is repeated without it")
     from interdrive.cli.score_report import print_batch_scores, print_scores  # noqa: PLC0415 - rich
 
     if (Path(folder) / "batch.json").exists():
@@ -59,3 +76,36 @@ def score(folder: str, agents: str | None, assignments: tuple[str, ...], as_csv:
         path = save_score(found, folder)
         if not as_csv:
             say(f"table in {shown(path)}")
+
+
+def _score_against_panel(
+    folder: str, agents: str | None, assignments: tuple[str, ...], *, has_panel: bool, trust: bool, as_csv: bool
+) -> None:
+    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+    from interdrive.cli.score_report import print_panel_scores  # noqa: PLC0415
+    from interdrive.panel import PANEL, panel_score, panel_table  # noqa: PLC0415 - needs the simulation
+    from interdrive.runs import load  # noqa: PLC0415 - pyarrow
+    from interdrive.scoring import ScoringSettings  # noqa: PLC0415
+
+    if (Path(folder) / "batch.json").exists():
+        raise InputError(f"{folder}: --panel scores run folders, not batches")
+    given = {name.removeprefix("scoring."): value for name, value in assigned(assignments).items()}
+    settings = bind(ScoringSettings(), given)
+    ids = None if agents is None else id_list("--agents", agents)
+    run = load(folder)
+    with progress(quiet=as_csv) as report:
+        report.say("driving in the agents' places")
+        found = panel_score(
+            run,
+            ids,
+            settings,
+            panel=PANEL if has_panel else (),
+            trust=trust,
+            threads=None,
+            on_agent=partial(report.counted, "agents scored"),
+        )
+    if as_csv:
+        table = panel_table(found)
+        print_csv(table.column_names, zip(*table.to_pydict().values(), strict=True))
+    else:
+        print_panel_scores(found, run.scenario.name)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from interdrive.benchmarks import Benchmark, BenchmarkSet, Row
     from interdrive.comparison.scores import PlannerScore
+    from interdrive.panel import PanelScore
     from interdrive.scoring import Score
 
 #: Missing files of a benchmark that are listed.
@@ -55,6 +56,35 @@ def print_scores(found: Score, name: str) -> None:
     console.print(
         f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {zeros} at 0, {int(found.fault.sum())} at fault"
     )
+    for note in found.notes:
+        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
+
+
+def print_panel_scores(found: PanelScore, name: str) -> None:
+    """Prints the scores of a run against a panel, each with its parts and why it is not 100."""
+    console = output()
+    numbers = ("agent", "score", "gates", "arrival", "pace", "contact", "hindrance", "comfort", "CLS", "EPDMS")
+    table = table_of((*numbers, "why"), right=numbers)
+    for row, number in enumerate(found.ids.tolist()):
+        one = found.totals[row]
+        parts = (one.gate, one.arrival, one.pace, one.ttc, one.hindrance, one.comfort)
+        table.add_row(
+            str(number),
+            _number(100.0 * one.score, 1),
+            *(_number(part, 2) for part in parts),
+            *(_number(100.0 * form, 1) for form in (one.cls, one.epdms)),
+            escape("; ".join(found.reasons[row])),
+            style="red" if one.score == 0.0 else None,
+        )
+    if len(found.ids):
+        print_table(console, table, 1)
+    mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
+    reached = sum(one.in_time for one in found.facts)
+    console.print(f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {reached} in time")
+    if found.panel:
+        console.print(f"panel: {', '.join(found.panel)}")
+    else:
+        console.print("absolute, without a panel: not comparable with scores against one", style="yellow")
     for note in found.notes:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
 

@@ -22,7 +22,7 @@ from interdrive.scoring.drives import (
     traffic,
     window_of,
 )
-from interdrive.scoring.faults import verdicts
+from interdrive.scoring.faults import is_thing, verdicts
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.scoring.terms import Term, comfort_term, direction_term, progress_term, speed_term, ttc_term
 from interdrive.storage import Origin, changed_settings
@@ -41,9 +41,6 @@ TERMS = {"progress": "progress", "ttc": "time to contact straight on", "speed": 
 
 #: Factors of the score in the order in which zeros are told.
 FACTORS = ("alive", "fault", "road", "direction", "progress_min")
-
-#: A fault against these counts half: things, not participants in traffic.
-_THINGS = ("construction_zone", "structure")
 
 #: Lane keeping: largest distance from the reference path [m].
 _LANE_KEEPING = 0.5
@@ -140,7 +137,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     if left_out:
         named = ", ".join(map(str, left_out[:5])) + (f" and {len(left_out) - 5} more" if len(left_out) > 5 else "")
         notes.append(f"not scored, because their recordings overlap those of others: {named}")
-    is_original = _has_recording(run)
+    is_original = has_recording(run)
     if not is_original:
         notes.append("the scenario file is gone or has changed: no recording to compare with, so every term counts")
     rows = [
@@ -183,7 +180,7 @@ def total(factors: Mapping[str, float], terms: Mapping[str, float], weights: Map
     return product * sum(weights[name] * value for name, value in known.items()) / weight
 
 
-def _has_recording(run: RunRecord) -> bool:
+def has_recording(run: RunRecord) -> bool:
     """Whether the scenario is the simulated one: a run folder keeps a copy without the recordings of agents."""
     path = run.scenario.path
     return path is None or not (path.name == "scenario.xml" and (path.parent / "run.json").exists())
@@ -332,11 +329,7 @@ class _Agent:
     def _fault(self, verdict: Verdict | None) -> float:
         if verdict is None or not verdict.kind:
             return 1.0
-        states = self.run.states
-        other = int(np.searchsorted(states.participant_id, self.partner))
-        kind = states.kinds[other]
-        is_thing = kind in _THINGS or (kind == "unknown" and bool(states.is_static[other]))
-        return 0.5 if is_thing else 0.0
+        return 0.5 if is_thing(self.run, self.partner) else 0.0
 
 
 def _way(agent: AgentRecord, motion: Motion) -> float:

@@ -32,6 +32,9 @@ _CROSSING_ANGLE = math.radians(45.0)
 #: Participants whose heading is no direction of travel on a lane.
 _NOT_ON_LANES = ("pedestrian", "construction_zone", "structure", "unknown", "parked_vehicle")
 
+#: Things, not participants in traffic.
+_THINGS = ("construction_zone", "structure")
+
 #: What is said of faults that no distance decides.
 _UNMEASURED = {"wrong_side": "met oncoming {} outside the lanes that lead its way", "reversed": "reversed into {}"}
 
@@ -58,6 +61,14 @@ class Verdict:
     instant: float
     time_step: int
     words: str
+
+
+def is_thing(run: RunRecord, participant_id: int) -> bool:
+    """Whether a participant is a thing, not somebody in traffic: a fault against it counts half."""
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, participant_id))
+    kind = states.kinds[row]
+    return kind in _THINGS or (kind == "unknown" and bool(states.is_static[row]))
 
 
 def verdicts(

@@ -72,6 +72,27 @@ class ScoreWeights:
 
 
 @dataclass(frozen=True)
+class PanelWeights:
+    """Weights of the terms in the mean of the score against a panel.
+
+    Attributes:
+        ttc: Of the time to contact straight on.
+        hindrance: Of what others lose.
+        comfort: Of comfort.
+    """
+
+    ttc: float = 5.0
+    hindrance: float = 5.0
+    comfort: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check(self, may_be_zero=True)
+        if not self.ttc + self.hindrance + self.comfort > 0.0:
+            raise InputError("ttc", "ttc, hindrance and comfort must not all be 0")
+
+
+@dataclass(frozen=True)
 class ReactionSettings:
     """In how much room a driver reacts: a delay, then a deceleration.
 
@@ -97,6 +118,7 @@ class ScoringSettings:
     Attributes:
         comfort: Bounds of comfort.
         weights: Weights of the terms.
+        panel: Weights of the terms of the score against a panel.
         reaction: What drivers are expected to do before a contact.
         ttc_bound: Bound above which the time to contact straight on must stay.
         ttc_horizon: Time ahead within which contacts count.
@@ -108,6 +130,7 @@ class ScoringSettings:
 
     comfort: ComfortBounds = field(default_factory=ComfortBounds)
     weights: ScoreWeights = field(default_factory=ScoreWeights)
+    panel: PanelWeights = field(default_factory=PanelWeights)
     reaction: ReactionSettings = field(default_factory=ReactionSettings)
     ttc_bound: Annotated[float, "s"] = 0.95
     ttc_horizon: Annotated[float, "s"] = 3.0
