@@ -11,7 +11,7 @@ from __future__ import annotations
 import importlib
 
 #: Packages that are imported when they are first used.
-_PACKAGES = ("batch_report", "criticality", "plots", "report")
+_PACKAGES = ("batch_report", "criticality", "plots", "reference_drivers", "report")
 
 # Modules are imported when a name is first used: `interdrive --help` needs none of them. Type checkers read the same
 # from `__init__.pyi`, so that nothing is imported here and every module may import `interdrive._core`.

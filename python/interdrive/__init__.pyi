@@ -1,5 +1,11 @@
 # ruff: noqa: I001 - every name is exported as itself, those of a module in one line
-from interdrive import batch_report as batch_report, criticality as criticality, plots as plots, report as report
+from interdrive import (
+    batch_report as batch_report,
+    criticality as criticality,
+    plots as plots,
+    reference_drivers as reference_drivers,
+    report as report,
+)
 from interdrive._core import Predictions as Predictions, Scene as Scene, View as View, __version__ as __version__
 from interdrive.batches import batch as batch, read_batch as read_batch
 from interdrive.benchmarks import Benchmark as Benchmark, benchmark as benchmark

@@ -66,6 +66,9 @@ __all__ = [
     "check_settings",
     "collision_harm",
     "crossing_lanelets",
+    "drive_cut_ins",
+    "drive_cut_outs",
+    "drive_followings",
     "evaluate_criticality",
     "exposure",
     "follow_path",
@@ -78,6 +81,8 @@ __all__ = [
     "proportion_of_stopping_distance",
     "required_acceleration",
     "required_lateral_acceleration",
+    "rss_lateral",
+    "rss_longitudinal",
     "settings_tables",
     "steps_at_most",
     "time_headway",
@@ -832,6 +837,15 @@ def evaluate_criticality(
     threads: int,
     settings: MeasureSettings,
 ) -> dict[str, Any]: ...
+def drive_cut_ins(
+    name: str, velocity: _Floats, other_velocity: _Floats, gap: _Floats, sideways: _Floats
+) -> dict[str, Any]: ...
+def drive_cut_outs(name: str, velocity: _Floats, front_distance: _Floats, sideways: _Floats) -> dict[str, Any]: ...
+def drive_followings(name: str, velocity: _Floats, deceleration: _Floats) -> dict[str, Any]: ...
+def rss_longitudinal(
+    parameters: tuple[float, float, float, float, float], first: _Floats, second: _Floats, opposite: bool
+) -> _Floats: ...
+def rss_lateral(parameters: tuple[float, float, float, float], left: _Floats, right: _Floats) -> _Floats: ...
 def crossing_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) -> list[int]: ...
 def follow_path(path: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]: ...
 def leaves_road(

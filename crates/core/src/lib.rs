@@ -18,6 +18,7 @@ pub mod scenario;
 pub mod start;
 pub mod recording;
 pub mod collision;
+pub mod reference_drivers;
 pub mod criticality;
 pub mod scene;
 pub mod barrier;

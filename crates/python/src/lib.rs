@@ -11,6 +11,7 @@ mod observation;
 mod planner;
 mod predictions;
 mod predictor;
+mod reference_drivers;
 mod route;
 mod scenario;
 mod scene;
@@ -71,6 +72,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     worlds::register(module)?;
     neural::register(module)?;
     scoring::register(module)?;
+    reference_drivers::register(module)?;
     module.add_function(wrap_pyfunction!(settings::check_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::settings_tables, module)?)?;
     module.add_function(wrap_pyfunction!(settings::steps_at_most, module)?)?;
