@@ -32,7 +32,10 @@ from interdrive.files import (
 from interdrive.files.solution import write_solution as write_solution
 from interdrive.native_settings import ViewSettings as ViewSettings
 from interdrive.planners import (
+    R157 as R157,
+    Cc as Cc,
     Frenet as Frenet,
+    Fsm as Fsm,
     Idm as Idm,
     IdmMobil as IdmMobil,
     Lawful as Lawful,
@@ -40,6 +43,7 @@ from interdrive.planners import (
     PlannerSettings as PlannerSettings,
     Recorded as Recorded,
     Rollout as Rollout,
+    Rss as Rss,
     Trajectory as Trajectory,
     VelocityAdjusting as VelocityAdjusting,
 )

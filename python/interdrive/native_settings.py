@@ -351,6 +351,74 @@ class IdmMobil(Idm):
 
 
 @dataclass(frozen=True)
+class ReferenceDriving:
+    """What the reference drivers have in common.
+
+    Attributes:
+        desired_velocity_max: Upper bound of the set speed. Positive.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
+            Positive and at most 100.
+        calm: Time without danger after which a reaction is over; before that the driver keeps its speed. Between 0
+            and 60.
+        keep_distance: Whether it keeps its distance to leaders without danger, too. Without, and with a long
+            `calm`, it drives as in one dimension: at its set speed until it sees danger.
+    """
+
+    desired_velocity_max: Annotated[float, "m/s"] = math.inf
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    calm: Annotated[float, "s"] = 1.0
+    keep_distance: bool = True
+
+
+@dataclass(frozen=True)
+class Cc(ReferenceDriving):
+    """Drives as the competent and careful human driver of UN R157, Annex 4, Appendix 3.
+
+    See docs/concepts/preventability.md.
+    """
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Cc", self)
+
+
+@dataclass(frozen=True)
+class R157(ReferenceDriving):
+    """Drives with the least reaction that UN R157, paragraph 5.2.5.2, asks of a system.
+
+    See docs/concepts/preventability.md.
+    """
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("R157", self)
+
+
+@dataclass(frozen=True)
+class Rss(ReferenceDriving):
+    """Drives by Responsibility-Sensitive Safety, arXiv 1708.06374.
+
+    See docs/concepts/preventability.md.
+    """
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Rss", self)
+
+
+@dataclass(frozen=True)
+class Fsm(ReferenceDriving):
+    """Drives by the fuzzy safety model of Mattas et al., Accident Analysis and Prevention 148, 2020, 105794.
+
+    See docs/concepts/preventability.md.
+    """
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Fsm", self)
+
+
+@dataclass(frozen=True)
 class Spread:
     """Spread of a moving participant.
 

@@ -149,7 +149,7 @@ def longest_stand(run):
     return 0.1 * (ends - starts)[:, 1].max(initial=0)
 
 
-@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "lawful", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "lawful", "idm_mobil", "cc"])
 @pytest.mark.parametrize("velocity", [10.0, 0.0])
 def test_four_at_a_cross_get_through_without_contact(planner, velocity):
     before = 20.0 if velocity else 0.5
@@ -228,7 +228,7 @@ def test_one_that_trusts_others_counts_on_a_recorded_car_that_would_have_to_brak
     assert "agent" not in run.violations.source
 
 
-@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "lawful", "idm_mobil"])
+@pytest.mark.parametrize("planner", ["rollout", "frenet", "idm", "lawful", "idm_mobil", "cc"])
 def test_a_recorded_car_that_does_not_give_way_breaks_a_rule_and_the_agent_none(planner):
     # It comes from the left, and could still stop. The front of the agent would be at the area 2 s from now as well.
     recorded = Car(9, 0.0, 20.0 - MOUTH + HALF, 10.0, -NORTH)

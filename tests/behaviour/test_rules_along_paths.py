@@ -17,7 +17,7 @@ from interdrive.scenario import StopLine
 from interdrive.testing import problem, world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PLANNERS = ("rollout", "frenet", "idm", "lawful", "idm_mobil", "obeys")
+PLANNERS = ("rollout", "frenet", "idm", "lawful", "idm_mobil", "cc", "obeys")
 #: Where an agent starts [m] and how fast [m/s]; half of its lane change lies at 40, 91, 145, 105 m, the line at 100 m.
 CHANGES = {"before": (20.0, 10.0), "at": (75.0, 8.0), "behind": (60.0, 10.0), "across": (90.0, 2.0)}
 HALF = 2.25

@@ -8,7 +8,10 @@ use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPoli
 use interdrive_core::plan::rollout::{self, RolloutCandidates, RolloutWeights};
 use interdrive_core::plan::weights::{WeightActions, WeightChange};
 use interdrive_core::plan::{Candidates, Planner};
-use interdrive_core::plan::{IdmMobilSettings, VelocityAdjustingSettings};
+use interdrive_core::plan::{
+    CcSettings, FsmSettings, IdmMobilSettings, R157Settings, RssSettings, VelocityAdjustingSettings,
+};
+use interdrive_core::reference_drivers::Driver;
 use interdrive_core::vehicle::single_track::Kinematic;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -53,6 +56,10 @@ impl PyPlanner {
             "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),
             "idm" => Planner::Idm(read(record)?),
             "lawful" => Planner::Lawful(read(record)?),
+            "cc" => Planner::Reference(Driver::Cc, read::<CcSettings>(record)?.driving),
+            "r157" => Planner::Reference(Driver::R157, read::<R157Settings>(record)?.driving),
+            "rss" => Planner::Reference(Driver::Rss, read::<RssSettings>(record)?.driving),
+            "fsm" => Planner::Reference(Driver::Fsm, read::<FsmSettings>(record)?.driving),
             "idm_mobil" => Planner::IdmMobil(Box::new(read::<IdmMobilSettings>(record)?)),
             _ => return Err(InputError::new_err((name.to_owned(), "is not a native planner"))),
         }))

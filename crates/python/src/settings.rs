@@ -4,7 +4,10 @@ use interdrive_core::criticality::Settings as MeasureSettings;
 use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::frenet::{FrenetSettings, FrenetTarget};
 use interdrive_core::plan::rollout::RolloutSettings;
-use interdrive_core::plan::{IdmMobilSettings, IdmSettings, LawfulSettings, VelocityAdjustingSettings};
+use interdrive_core::plan::{
+    CcSettings, FsmSettings, IdmMobilSettings, IdmSettings, LawfulSettings, R157Settings, RssSettings,
+    VelocityAdjustingSettings,
+};
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
 use interdrive_core::road::RoadSettings;
 use interdrive_core::rules::RulesSettings;
@@ -29,6 +32,10 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(IdmSettings::default()),
         Box::new(LawfulSettings::default()),
         Box::new(IdmMobilSettings::default()),
+        Box::new(CcSettings::default()),
+        Box::new(R157Settings::default()),
+        Box::new(RssSettings::default()),
+        Box::new(FsmSettings::default()),
         Box::new(ConstantVelocity::default()),
         Box::new(LaneFollowing::default()),
         Box::new(ViewLimits::default()),

@@ -12,7 +12,20 @@ from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
 from interdrive.planners import RECORDS as PLANNER_RECORDS
-from interdrive.planners import Frenet, Idm, IdmMobil, Lawful, Planner, Recorded, Rollout, VelocityAdjusting
+from interdrive.planners import (
+    R157,
+    Cc,
+    Frenet,
+    Fsm,
+    Idm,
+    IdmMobil,
+    Lawful,
+    Planner,
+    Recorded,
+    Rollout,
+    Rss,
+    VelocityAdjusting,
+)
 from interdrive.predictors import NATIVE as PREDICTORS
 from interdrive.predictors import RECORDS as PREDICTOR_RECORDS
 from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor, native_predictor
@@ -23,7 +36,9 @@ if TYPE_CHECKING:
     from interdrive.planners import PlannerSettings
     from interdrive.predictors import PredictorSettings
 
-NativePlanner: TypeAlias = Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful
+NativePlanner: TypeAlias = (
+    Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful | Cc | R157 | Rss | Fsm
+)
 NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 
 

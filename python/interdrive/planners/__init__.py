@@ -7,15 +7,19 @@ settings; the core plans for all their agents in one call.
 from __future__ import annotations
 
 from interdrive.native_settings import (
+    R157,
+    Cc,
     Comfort,
     Frenet,
     FrenetComfort,
     FrenetWeights,
+    Fsm,
     Idm,
     IdmMobil,
     Lawful,
     Rollout,
     RolloutWeights,
+    Rss,
     VelocityAdjusting,
 )
 from interdrive.planners.contract import Planner, Trajectory
@@ -23,12 +27,15 @@ from interdrive.planners.native import NATIVE, RECORDED_PATH, RECORDS, PlannerSe
 
 __all__ = [
     "NATIVE",
+    "R157",
     "RECORDED_PATH",
     "RECORDS",
+    "Cc",
     "Comfort",
     "Frenet",
     "FrenetComfort",
     "FrenetWeights",
+    "Fsm",
     "Idm",
     "IdmMobil",
     "Lawful",
@@ -37,6 +44,7 @@ __all__ = [
     "Recorded",
     "Rollout",
     "RolloutWeights",
+    "Rss",
     "Trajectory",
     "VelocityAdjusting",
     "native_planner",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interdrive import _core
-from interdrive.native_settings import Frenet, Idm, IdmMobil, Lawful, Rollout, VelocityAdjusting
+from interdrive.native_settings import R157, Cc, Frenet, Fsm, Idm, IdmMobil, Lawful, Rollout, Rss, VelocityAdjusting
 from interdrive.planners.policy import policy_planner
 
 
@@ -36,6 +36,10 @@ class PlannerSettings:
         idm: Settings of `idm`.
         idm_mobil: Settings of `idm_mobil`.
         lawful: Settings of `lawful`.
+        cc: Settings of `cc`.
+        r157: Settings of `r157`.
+        rss: Settings of `rss`.
+        fsm: Settings of `fsm`.
     """
 
     rollout: Rollout = field(default_factory=Rollout)
@@ -44,6 +48,10 @@ class PlannerSettings:
     idm: Idm = field(default_factory=Idm)
     idm_mobil: IdmMobil = field(default_factory=IdmMobil)
     lawful: Lawful = field(default_factory=Lawful)
+    cc: Cc = field(default_factory=Cc)
+    r157: R157 = field(default_factory=R157)
+    rss: Rss = field(default_factory=Rss)
+    fsm: Fsm = field(default_factory=Fsm)
 
 
 #: Names of the native planners, each with one line of explanation.
@@ -56,6 +64,10 @@ NATIVE = {
     "lawful": "drives its reference path with the Intelligent Driver Model, as fast as is lawful",
     "policy": "drives by a policy that was learned, `policy,file=FILE`",
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
+    "cc": "drives as the competent and careful human driver of UN R157",
+    "r157": "drives with the least reaction that UN R157, 5.2.5.2, asks of a system",
+    "rss": "drives by Responsibility-Sensitive Safety",
+    "fsm": "drives by the fuzzy safety model",
 }
 
 #: Planners that need the recording of their agent.
@@ -70,6 +82,10 @@ RECORDS: dict[str, type] = {
     "idm": Idm,
     "idm_mobil": IdmMobil,
     "lawful": Lawful,
+    "cc": Cc,
+    "r157": R157,
+    "rss": Rss,
+    "fsm": Fsm,
     "policy": Policy,
 }
 

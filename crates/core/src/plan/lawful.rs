@@ -9,9 +9,9 @@ use crate::conduct::STATIONARY_SPEED;
 use crate::settings::{between, positive, settings};
 
 /// It reaches a lawful speed that falls within this time [s], ...
-const SLOWING_TIME: f64 = 0.5;
+pub(super) const SLOWING_TIME: f64 = 0.5;
 /// ... but brakes no harder for it [m/s²].
-const SLOWING_MAX: f64 = 3.0;
+pub(super) const SLOWING_MAX: f64 = 3.0;
 /// Where no limit is stated, the nearest one counts that is stated on the path within this distance [m].
 const STATED_WITHIN: f64 = 50.0;
 /// Where none is stated within that, at least this speed is lawful [m/s], ...
@@ -43,9 +43,7 @@ pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mu
         Ok(start) => start,
         Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
-    let limits = &request.rules.way.limits;
-    let unstated = unstated_velocity(request);
-    let lawful = |s: f64| limits.nearest(s, STATED_WITHIN).unwrap_or(unstated);
+    let lawful = lawful_velocity(request);
     let v_max = request.vehicle.velocity_max;
     let law = &settings.law;
     let free = |profile: &SpeedProfile, s: f64, velocity: f64| {
@@ -55,6 +53,13 @@ pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mu
         law.free(velocity, desired(s)).min(slowing.max(-SLOWING_MAX))
     };
     follow_path(request, law, (start, settings.lateral_acceleration), (lawful, free), memory)
+}
+
+/// The speed that is lawful at an arc length [m/s], but for bends.
+pub(super) fn lawful_velocity<'a>(request: &PlanRequest<'a>) -> impl Fn(f64) -> f64 + 'a {
+    let limits = &request.rules.way.limits;
+    let unstated = unstated_velocity(request);
+    move |s: f64| limits.nearest(s, STATED_WITHIN).unwrap_or(unstated)
 }
 
 /// What counts as lawful where no limit is stated [m/s].

@@ -23,6 +23,7 @@ pub mod policy;
 mod polynomial;
 mod recorded;
 mod recorded_path;
+pub(crate) mod reference;
 pub mod rollout;
 mod velocity_adjusting;
 pub mod weights;
@@ -33,6 +34,7 @@ pub use idm::IdmSettings;
 pub use lawful::LawfulSettings;
 pub use mobil::IdmMobilSettings;
 pub use prediction_index::PredictionIndex;
+pub use reference::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
 pub use velocity_adjusting::VelocityAdjustingSettings;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
@@ -41,6 +43,7 @@ use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::observation::PathTable;
+use crate::reference_drivers::Driver;
 use crate::road::RoadNetwork;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, Way};
@@ -68,6 +71,8 @@ pub enum Planner {
     Lawful(LawfulSettings),
     /// The same with lane changes by MOBIL.
     IdmMobil(Box<IdmMobilSettings>),
+    /// The reference path as a reference driver.
+    Reference(Driver, ReferenceDriving),
     /// A learned policy.
     Policy(policy::SharedPolicy),
     /// A planner outside the core that writes a row of `Plans`.
@@ -77,7 +82,7 @@ pub enum Planner {
 impl Planner {
     /// It stops before what [`Rules::told`] names.
     pub fn heeds_barriers(&self) -> bool {
-        matches!(self, Self::Rollout(_) | Self::Frenet(_) | Self::Idm(_) | Self::Lawful(_) | Self::IdmMobil(_))
+        !matches!(self, Self::Recorded | Self::VelocityAdjusting(_) | Self::Policy(_) | Self::External)
     }
 }
 
@@ -222,7 +227,8 @@ impl PlanResult {
     }
 }
 
-/// What a planner works out once for an agent, before the first step; planners keep no other memory.
+/// What a planner works out once for an agent, before the first step; planners keep no other memory, but for reference drivers, which count how
+/// long they have been reacting (`Alertness`).
 #[derive(Debug, Clone)]
 pub enum Prepared {
     /// Nothing.
@@ -256,7 +262,9 @@ impl Prepared {
                 let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
                 Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
             }
-            Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::External => Ok(Self::Nothing),
+            Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::Reference(..) | Planner::External => {
+                Ok(Self::Nothing)
+            }
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -321,6 +329,8 @@ pub struct PlanningMemory {
     free: Vec<car_following::PathMotion>,
     road: Vec<u32>,
     effort: usize,
+    /// What a reference driver remembers; the world hands it in and takes it back.
+    pub(crate) alertness: reference::Alertness,
 }
 
 impl PlanningMemory {
@@ -368,6 +378,7 @@ pub fn plan(
         }
         (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
         (Planner::Lawful(settings), _) => lawful::plan(request, settings, memory),
+        (Planner::Reference(driver, settings), _) => reference::plan(request, (*driver, settings), memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),
         _ => unreachable!("prepared for another planner"),

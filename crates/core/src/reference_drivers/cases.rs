@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use super::drivers::{Driver, Encounter, Reaction, Seen};
+use super::drivers::{CC_TIME, Driver, Encounter, Reaction, Seen};
 use crate::error::{Error, Result};
 
 /// Step [s].
@@ -202,7 +202,8 @@ impl CutIn {
             if driver == Driver::Cc && was_aside && side <= 0.0 {
                 was_aside = false;
                 // Once the other is in the lane far enough ahead, following it is no cut-in any more.
-                if !((seen.gap / (ego.velocity - other_velocity)).abs() <= 2.0) {
+                let time = (seen.gap / (ego.velocity - other_velocity)).abs();
+                if time > CC_TIME || time.is_nan() {
                     return ending;
                 }
             }

@@ -21,7 +21,7 @@ const R157_TIME: f64 = 0.35 + 0.1;
 /// of 3.5 m with vehicles of 1.9 m in their middle.
 const R157_SIDE: f64 = 0.5;
 /// A cut-in is dangerous for `Cc` up to this time to collision [s].
-const CC_TIME: f64 = 2.0;
+pub(super) const CC_TIME: f64 = 2.0;
 /// Reaction time of `Rss` and `Fsm` [s].
 const REACTION_TIME: f64 = 0.75;
 /// Comfortable and hard braking of `Fsm`, and that expected of others [m/s²].
@@ -133,8 +133,7 @@ impl Driver {
             }
             Self::R157 => {
                 let faster = v - u;
-                // Not `<=`: equal speeds are as far from contact as their gap is from none.
-                side <= R157_SIDE && !((gap / faster).abs() > faster / 12.0 + R157_TIME)
+                side <= R157_SIDE && (gap / faster).abs() <= faster / 12.0 + R157_TIME
             }
             Self::Rss => {
                 let sideways = rss::JRC_LATERAL.sideways(toward.abs());
@@ -164,9 +163,10 @@ impl Driver {
     }
 }
 
-/// 0 above `safe`, 1 below `unsafe_`, linear between.
+/// 0 above `safe`, 1 below `unsafe_`, linear between. At `safe` itself, which is the distance that `Fsm` keeps, rounding is no
+/// danger.
 fn ramp(x: f64, safe: f64, unsafe_: f64) -> f64 {
-    if x >= safe {
+    if x >= safe - 1e-9 {
         0.0
     } else if x <= unsafe_ {
         1.0
@@ -234,6 +234,11 @@ impl Reaction {
     /// It has seen danger: from then on it does not accelerate any more.
     pub fn has_begun(&self) -> bool {
         self.has_begun
+    }
+
+    /// It has not begun to brake.
+    pub fn is_waiting(&self) -> bool {
+        self.left > 0.0
     }
 
     /// Deceleration in the next `dt` [s] in view of danger [m/s²].

@@ -6,4 +6,4 @@ pub mod cases;
 mod drivers;
 pub mod rss;
 
-pub use drivers::{Driver, Encounter, Reaction, Seen};
+pub use drivers::{APPROACH, Driver, Encounter, Reaction, Seen};

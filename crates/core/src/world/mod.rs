@@ -26,6 +26,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::plan::frenet::{self, CostWeights};
+use crate::plan::reference::AlertnessLog;
 use crate::plan::{Planner, PlanningMemory, Prepared};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
@@ -137,6 +138,8 @@ struct Drive {
     /// Cost weights in the place of those of its planner, and the terms of its last choice.
     weights: Option<CostWeights>,
     terms: Shared<Option<[f64; frenet::N_TERMS]>>,
+    /// What it remembers as a reference driver.
+    alertness: Shared<AlertnessLog>,
 }
 
 impl Drive {

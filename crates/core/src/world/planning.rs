@@ -124,6 +124,12 @@ impl World {
                 *drive.terms.lock() = breakdown.terms;
                 plan
             }
+            (planner @ Planner::Reference(..), _) => {
+                memory.alertness = drive.alertness.lock().at(self.time_step);
+                let plan = plan::plan(planner, &drive.prepared, &request, memory);
+                drive.alertness.lock().note(self.time_step, memory.alertness);
+                plan
+            }
             (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
         };
         drive.effort.0.store(memory.effort(), Ordering::Relaxed);

@@ -132,6 +132,7 @@ impl World {
             effort: Effort::default(),
             weights: None,
             terms: Shared::default(),
+            alertness: Shared::default(),
             agent: Arc::clone(&staged.agent),
         }));
         if !Arc::ptr_eq(&self.scenario, scenario) {

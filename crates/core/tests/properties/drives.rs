@@ -9,9 +9,10 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::StatedPlan;
 use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::plan::rollout::RolloutSettings;
-use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, LawfulSettings, Planner};
+use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, LawfulSettings, Planner, ReferenceDriving};
 use interdrive_core::predict::neural::{Network, Neural};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
+use interdrive_core::reference_drivers::Driver;
 use interdrive_core::route::{RouteSettings, find_route};
 use interdrive_core::rules::RulesSettings;
 use interdrive_core::scenario::{Goal, GoalState, Scenario};
@@ -80,7 +81,7 @@ fn law(source: &mut Source) -> CarFollowing {
 /// Agents without a recording mostly get a planner that needs none: otherwise there is no world.
 fn planner(source: &mut Source, is_recorded: bool) -> Planner {
     let idm = |source: &mut Source| IdmSettings { law: law(source), ..IdmSettings::default() };
-    let kind = source.byte() % 9;
+    let kind = source.byte() % 10;
     match if (3..=4).contains(&kind) && !is_recorded && !source.is_odd() { 6 } else { kind } {
         0 | 1 => Planner::Rollout(Box::new(rollout(source))),
         2 => Planner::Frenet(Box::new(frenet(source))),
@@ -89,6 +90,7 @@ fn planner(source: &mut Source, is_recorded: bool) -> Planner {
         5 => Planner::Idm(idm(source)),
         6 => Planner::IdmMobil(Box::new(IdmMobilSettings { idm: idm(source), ..IdmMobilSettings::default() })),
         7 => Planner::Lawful(LawfulSettings { law: law(source), ..LawfulSettings::default() }),
+        8 => Planner::Reference(Driver::ALL[usize::from(source.byte() % 4)], ReferenceDriving::default()),
         _ => Planner::External,
     }
 }

@@ -1,0 +1,1 @@
+"""The manoeuvres of UN R157 as worlds."""
