@@ -1,4 +1,4 @@
-"""The three manoeuvres of UN R157 as scenarios: a straight road of two lanes, the system as agent, the others replayed."""
+"""The manoeuvres of UN R157 as scenarios: a straight road of two lanes, the system as agent, the others replayed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 #: The agent.
 EGO = 1
-#: The vehicle that cuts in, or the leader; the standing vehicle that a cut-out reveals; the leader once it has hit that.
+#: The vehicle that cuts in, or the leader; what a cut-out reveals; the leader once it has hit that.
 OTHER, REVEALED, WRECK = 2, 3, 4
 
 #: Step [s], footprints [m], lanes [m], as in the cases in one dimension.
@@ -59,8 +59,8 @@ def cut_in(case: Mapping[str, float], steps: int) -> tuple[Track, ...]:
     sideways[:n_ramp] = _SIDEWAYS_ACCELERATION * DT * np.arange(1, n_ramp + 1)[:steps]
     sideways[n_ramp : n_ramp + n_lateral] = lateral
     before = float(sideways[:n_ramp].sum()) * DT
-    x = case["gap"] + LENGTH + (velocity - other) * n_ramp * DT + other * DT * np.arange(steps)
-    y = _SIDE + WIDTH + before - DT * np.concatenate([[0.0], np.cumsum(sideways[:-1])])
+    x: Floats = case["gap"] + LENGTH + (velocity - other) * n_ramp * DT + other * _times(steps)
+    y: Floats = _SIDE + WIDTH + before - DT * np.concatenate([[0.0], np.cumsum(sideways[:-1])])
     return _ego(velocity, steps), Track(OTHER, LENGTH, x, y, np.full(steps, other), -sideways)
 
 
@@ -69,8 +69,8 @@ def cut_out(case: Mapping[str, float], steps: int, kept_distance: float) -> tupl
     velocity, lateral = case["velocity"], case["sideways"]
     start = kept_distance + LENGTH
     standing = start + LENGTH + case["front_distance"]
-    x = start + velocity * DT * np.arange(steps)
-    y = lateral * DT * np.arange(steps)
+    x = start + velocity * _times(steps)
+    y = lateral * _times(steps)
     touches = np.flatnonzero((y < WIDTH) & (np.abs(standing - x) < 0.5 * (LENGTH + _REVEALED_LENGTH)))
     # Otherwise it ends in the middle of the lane beside.
     aside = np.flatnonzero(y > LANE)
@@ -91,14 +91,19 @@ def cut_out(case: Mapping[str, float], steps: int, kept_distance: float) -> tupl
 def car_following(case: Mapping[str, float], steps: int, kept_distance: float) -> tuple[Track, ...]:
     """The leader brakes to a halt: `velocity`, `deceleration`."""
     velocity = case["velocity"]
-    speed = np.maximum(velocity - case["deceleration"] * DT * np.arange(steps), 0.0)
-    x = kept_distance + LENGTH + DT * np.concatenate([[0.0], np.cumsum(speed[1:])])
+    speed = np.maximum(velocity - case["deceleration"] * _times(steps), 0.0)
+    x: Floats = kept_distance + LENGTH + DT * np.concatenate([[0.0], np.cumsum(speed[1:])])
     return _ego(velocity, steps), Track(OTHER, LENGTH, x, np.zeros(steps), speed, np.zeros(steps))
+
+
+def _times(steps: int) -> Floats:
+    """Seconds of the time steps."""
+    return DT * np.arange(steps, dtype=np.float64)
 
 
 def _ego(velocity: float, steps: int) -> Track:
     still = np.zeros(steps)
-    return Track(EGO, LENGTH, velocity * DT * np.arange(steps), still, np.full(steps, velocity), still)
+    return Track(EGO, LENGTH, velocity * _times(steps), still, np.full(steps, velocity), still)
 
 
 def scenario(name: str, tracks: Sequence[Track], speed_limit: float) -> Scenario:
@@ -122,7 +127,12 @@ def scenario(name: str, tracks: Sequence[Track], speed_limit: float) -> Scenario
         shapes=tuple(Shape("rectangle", length=track.length, width=WIDTH) for track in tracks),
         is_static=np.zeros(len(tracks), dtype=np.bool_),
         valid=valid,
-        **table,
+        x=table["x"],
+        y=table["y"],
+        orientation=table["orientation"],
+        velocity=table["velocity"],
+        acceleration=table["acceleration"],
+        yaw_rate=table["yaw_rate"],
     )
     return Scenario(name, name, DT, _road(far + offset + _BEYOND, speed_limit), obstacles, ())
 

@@ -11,7 +11,6 @@ from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
-from interdrive.planners import RECORDS as PLANNER_RECORDS
 from interdrive.planners import (
     R157,
     Cc,
@@ -26,6 +25,7 @@ from interdrive.planners import (
     Rss,
     VelocityAdjusting,
 )
+from interdrive.planners import RECORDS as PLANNER_RECORDS
 from interdrive.predictors import NATIVE as PREDICTORS
 from interdrive.predictors import RECORDS as PREDICTOR_RECORDS
 from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor, native_predictor
