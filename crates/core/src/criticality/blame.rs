@@ -17,12 +17,12 @@ const CONTACT_MARGIN: f64 = 1e-3;
 /// Beyond this difference of headings traffic is oncoming.
 const ONCOMING_ANGLE: f64 = 0.75 * PI;
 /// Up to this difference two drive side by side.
-const ALONGSIDE_ANGLE: f64 = 0.25 * PI;
+pub(super) const ALONGSIDE_ANGLE: f64 = 0.25 * PI;
 /// Of two vehicles that meet where lanelets cross, the turning one is the vehicle that turned more within this time
 /// before [s].
 const TURN_TIME: f64 = 3.0;
 /// Vehicles slower than this stand [m/s].
-const STANDING_SPEED: f64 = 0.05;
+pub(super) const STANDING_SPEED: f64 = 0.05;
 /// Touching within this [m] is touching with the front edge.
 const EDGE_TOLERANCE: f64 = 2e-3;
 
@@ -149,19 +149,19 @@ pub fn blame(traffic: &Traffic, request: &BlameRequest) -> Result<Vec<Verdict>> 
 }
 
 /// One of both: its footprints at the common steps and at the contact, which comes last.
-struct Track<'a> {
-    shape: &'a Shape,
-    wide: Shape,
-    poses: Vec<Pose>,
-    speeds: Vec<f64>,
+pub(super) struct Track<'a> {
+    pub(super) shape: &'a Shape,
+    pub(super) wide: Shape,
+    pub(super) poses: Vec<Pose>,
+    pub(super) speeds: Vec<f64>,
 }
 
 impl Track<'_> {
-    fn contact(&self) -> Pose {
+    pub(super) fn contact(&self) -> Pose {
         self.poses[self.poses.len() - 1]
     }
 
-    fn speed(&self) -> f64 {
+    pub(super) fn speed(&self) -> f64 {
         self.speeds[self.speeds.len() - 1]
     }
 
@@ -203,13 +203,13 @@ impl Track<'_> {
 }
 
 /// The two of a contact.
-struct Pair<'a> {
+pub(super) struct Pair<'a> {
     traffic: &'a Traffic,
-    agent: Track<'a>,
-    other: Track<'a>,
+    pub(super) agent: Track<'a>,
+    pub(super) other: Track<'a>,
     /// Time step of the first pose.
-    first: i64,
-    instant: f64,
+    pub(super) first: i64,
+    pub(super) instant: f64,
 }
 
 /// When one entered the other's way, and what that left.
@@ -221,7 +221,7 @@ struct Entry {
 }
 
 impl<'a> Pair<'a> {
-    fn new(traffic: &'a Traffic, (agent, other, time_step): (i64, i64, i64)) -> Result<Self> {
+    pub(super) fn new(traffic: &'a Traffic, (agent, other, time_step): (i64, i64, i64)) -> Result<Self> {
         let states = &traffic.states;
         let row = |id: i64| states.row(id).ok_or(Error::UnknownId { what: "participant", id });
         let rows = [row(agent)?, row(other)?];
@@ -378,7 +378,7 @@ fn keeps_its_lane(pair: &Pair<'_>, step: usize) -> bool {
 }
 
 /// Side of the agent that touches.
-fn side(agent: &Track<'_>, other: &Track<'_>) -> usize {
+pub(super) fn side(agent: &Track<'_>, other: &Track<'_>) -> usize {
     let axis = touching_direction(agent, other);
     if axis.x.abs() >= axis.y.abs() {
         if axis.x > 0.0 { 0 } else { 3 }

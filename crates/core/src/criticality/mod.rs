@@ -2,6 +2,7 @@
 //! and the harm of collisions. Evaluated afterwards, on recorded states. See docs/reference/criticality.md.
 
 pub mod blame;
+pub mod preventability;
 mod conflict;
 mod curve;
 mod evaluation_step;

@@ -1,0 +1,394 @@
+//! Whether a reference driver in the agent's place would have avoided a contact: from the stored states alone, nothing is
+//! simulated anew. Definitions: docs/concepts/preventability.md.
+
+use super::blame::{ALONGSIDE_ANGLE, Pair, STANDING_SPEED, Track, side};
+use super::traffic::Traffic;
+use crate::collision::{first_contact, pose_between};
+use crate::error::Result;
+use crate::geometry::{Point, Pose, wrap_angle};
+use crate::reference_drivers::{Driver, Reaction, Seen};
+
+/// Drivers are followed for this long after the contact [s].
+const AFTERWARDS: f64 = 3.0;
+/// Longest step of a driver [s].
+const STEP_MAX: f64 = 0.1;
+/// An agent that came near another one without a contact would have gone on for so long [s].
+const ONWARDS: f64 = 1.0;
+
+/// What is judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Conflict {
+    /// The agent.
+    pub agent: i64,
+    /// Its partner.
+    pub partner: i64,
+    /// Time step of the first states after the contact, or at which they were near.
+    pub time_step: i64,
+    /// They touched.
+    pub is_contact: bool,
+    /// The partner is a pedestrian.
+    pub is_pedestrian: bool,
+}
+
+/// Why there is no verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Undefined {
+    /// There is one.
+    Not,
+    /// The agent stood.
+    Stood,
+    /// It reversed.
+    Reversed,
+    /// Their ways crossed, or they met.
+    Crossing,
+    /// The partner is a pedestrian.
+    Pedestrian,
+    /// It was hit from behind.
+    Behind,
+}
+
+impl Undefined {
+    /// Names used outside.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Not => "",
+            Self::Stood => "stood",
+            Self::Reversed => "reversed",
+            Self::Crossing => "crossing",
+            Self::Pedestrian => "pedestrian",
+            Self::Behind => "behind",
+        }
+    }
+}
+
+/// A driver in the agent's place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replacement {
+    /// It does not touch the partner.
+    pub avoids: bool,
+    /// Difference of the velocities at the contact [m/s]; NaN without one.
+    pub impact_speed: f64,
+    /// Least distance of the footprints [m]; 0 with a contact.
+    pub distance: f64,
+    /// Its speeds, from when it takes over, every `step` seconds [m/s].
+    pub velocity: Vec<f64>,
+    /// Its poses then; the witness.
+    pub poses: Vec<Pose>,
+}
+
+/// The verdict on one conflict.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Preventability {
+    /// Why there is none.
+    pub undefined: Undefined,
+    /// Time step at which drivers take over.
+    pub from: i64,
+    /// Speed of the agent then [m/s].
+    pub velocity: f64,
+    /// Time from then to the contact [s].
+    pub time: f64,
+    /// Step of the replacements [s].
+    pub step: f64,
+    /// By driver, in the order of `Driver::ALL`; empty without a verdict.
+    pub replacements: Vec<Replacement>,
+}
+
+/// Verdicts on conflicts, in the order given.
+///
+/// # Errors
+/// `InvalidInput` or `UnknownId` naming the conflict that cannot be judged.
+pub fn preventability(traffic: &Traffic, conflicts: &[Conflict]) -> Result<Vec<Preventability>> {
+    conflicts.iter().map(|conflict| judged(traffic, conflict)).collect()
+}
+
+fn judged(traffic: &Traffic, conflict: &Conflict) -> Result<Preventability> {
+    let pair = Pair::new(traffic, (conflict.agent, conflict.partner, conflict.time_step))?;
+    let way = Way::of(&pair.agent, conflict.is_contact);
+    let from = way.entered_at(&pair);
+    let n_sub = (traffic.dt / STEP_MAX - 1e-9).ceil().max(1.0);
+    let mut found = Preventability {
+        undefined: undefined(&pair, conflict, from),
+        from: pair.first + from as i64,
+        velocity: pair.agent.speeds[from],
+        time: (pair.instant - (pair.first + from as i64) as f64) * traffic.dt,
+        step: traffic.dt / n_sub,
+        replacements: Vec::new(),
+    };
+    if found.undefined == Undefined::Not {
+        let other = OtherTrack::new(traffic, conflict.partner, found.from);
+        let replace = |driver| replacement(&pair, &way, &other, (driver, from), &found);
+        found.replacements = Driver::ALL.map(replace).into();
+    }
+    Ok(found)
+}
+
+fn undefined(pair: &Pair<'_>, conflict: &Conflict, from: usize) -> Undefined {
+    let (agent, other) = (&pair.agent, &pair.other);
+    let angle = wrap_angle(other.contact().orientation - agent.contact().orientation).abs();
+    let drives = other.speed().abs() > STANDING_SPEED;
+    if conflict.is_pedestrian {
+        Undefined::Pedestrian
+    } else if agent.speed() < -STANDING_SPEED || agent.speeds[from] < -STANDING_SPEED {
+        Undefined::Reversed
+    } else if agent.speed() <= STANDING_SPEED {
+        Undefined::Stood
+    } else if drives && (angle > ALONGSIDE_ANGLE || other.speed() < 0.0) {
+        Undefined::Crossing
+    } else if side(agent, other) == 3 {
+        Undefined::Behind
+    } else {
+        Undefined::Not
+    }
+}
+
+/// The agent's own track, straight on beyond its end.
+struct Way {
+    poses: Vec<Pose>,
+    /// Way driven up to each pose [m].
+    driven: Vec<f64>,
+}
+
+impl Way {
+    fn of(agent: &Track<'_>, is_contact: bool) -> Self {
+        let mut poses = agent.poses.clone();
+        if !is_contact {
+            let end = agent.contact();
+            let onwards = Point::from_angle(end.orientation) * (agent.speed().max(0.0) * ONWARDS);
+            poses.push(Pose { position: end.position + onwards, ..end });
+        }
+        let mut driven = vec![0.0];
+        for pair in poses.windows(2) {
+            driven.push(driven[driven.len() - 1] + pair[0].position.distance(pair[1].position));
+        }
+        Self { poses, driven }
+    }
+
+    /// First step of the unbroken stretch up to the contact in which the other is in the way.
+    fn entered_at(&self, pair: &Pair<'_>) -> usize {
+        let (agent, other) = (&pair.agent, &pair.other);
+        let contact = agent.poses.len() - 1;
+        let reach = agent.wide.bounding_radius() + other.shape.bounding_radius();
+        let meets = |step: &usize| {
+            self.poses[*step..].windows(2).any(|poses| {
+                // Between two poses the agent moves by little more than its length.
+                let near = poses[0].position.distance(poses[1].position) + reach;
+                other.poses[*step].position.distance(poses[0].position) <= near
+                    && first_contact(
+                        &agent.wide,
+                        poses[0],
+                        poses[1],
+                        other.shape,
+                        other.poses[*step],
+                        other.poses[*step],
+                    )
+                    .is_some()
+            })
+        };
+        (0..contact).rev().take_while(meets).last().unwrap_or(contact)
+    }
+
+    /// Pose after a way from a step on [m].
+    fn at(&self, from: usize, way: f64) -> Pose {
+        let s = self.driven[from] + way;
+        let last = self.poses.len() - 1;
+        if s >= self.driven[last] {
+            let end = self.poses[last];
+            let over = Point::from_angle(end.orientation) * (s - self.driven[last]);
+            return Pose { position: end.position + over, ..end };
+        }
+        let next = self.driven.partition_point(|driven| *driven <= s).clamp(1, last);
+        let (before, after) = (self.driven[next - 1], self.driven[next]);
+        pose_between(self.poses[next - 1], self.poses[next], (s - before) / (after - before).max(1e-12))
+    }
+}
+
+/// The partner as it drove, straight on after its last state.
+struct OtherTrack<'a> {
+    traffic: &'a Traffic,
+    row: usize,
+    /// Columns of the time at which drivers take over, and of the last state of the unbroken stretch.
+    from: usize,
+    last: usize,
+}
+
+impl<'a> OtherTrack<'a> {
+    fn new(traffic: &'a Traffic, id: i64, from: i64) -> Self {
+        let row = traffic.row(id).expect("it was looked up before");
+        let from = (from - traffic.states.first_time_step) as usize;
+        let last = (from..traffic.states.n_steps).take_while(|column| traffic.is_there(row, *column)).last();
+        Self { traffic, row, from, last: last.unwrap_or(from) }
+    }
+
+    /// Pose and speed after a time [s].
+    fn at(&self, time: f64) -> (Pose, f64) {
+        let column = self.from as f64 + time / self.traffic.dt;
+        let speed = |column: usize| self.traffic.states.velocity[self.traffic.index(self.row, column)];
+        if column >= self.last as f64 {
+            let (pose, velocity) = (self.traffic.pose(self.row, self.last), speed(self.last));
+            let onwards = (column - self.last as f64) * self.traffic.dt * velocity;
+            let position = pose.position + Point::from_angle(pose.orientation) * onwards;
+            return (Pose { position, ..pose }, velocity);
+        }
+        let (before, share) = (column as usize, column.fract());
+        let pose = pose_between(self.traffic.pose(self.row, before), self.traffic.pose(self.row, before + 1), share);
+        (pose, speed(before) + share * (speed(before + 1) - speed(before)))
+    }
+}
+
+fn replacement(
+    pair: &Pair<'_>,
+    way: &Way,
+    other: &OtherTrack<'_>,
+    (driver, from): (Driver, usize),
+    judged: &Preventability,
+) -> Replacement {
+    let (agent, shape, step) = (&pair.agent, pair.other.shape, judged.step);
+    let n_steps = ((judged.time + AFTERWARDS) / step).ceil() as usize;
+    let mut reaction = Reaction::new(driver);
+    let (mut s, mut velocity, mut acceleration) = (0.0, judged.velocity.max(0.0), 0.0);
+    let (mut here, (mut there, mut other_velocity)) = (way.at(from, 0.0), other.at(0.0));
+    let mut found = Replacement {
+        avoids: true,
+        impact_speed: f64::NAN,
+        distance: f64::INFINITY,
+        velocity: vec![velocity],
+        poses: vec![here],
+    };
+    for i in 1..=n_steps {
+        let seen = seen(agent, (here, velocity, acceleration), &pair.other, (there, other_velocity));
+        let before = velocity;
+        velocity = (velocity - reaction.brake(&seen, step) * step).max(0.0);
+        acceleration = (velocity - before) / step;
+        s += velocity * step;
+        let (next, (moved, speed)) = (way.at(from, s), other.at(i as f64 * step));
+        if first_contact(agent.shape, here, next, shape, there, moved).is_some() {
+            let along = |pose: Pose, speed: f64| Point::from_angle(pose.orientation) * speed;
+            (found.avoids, found.distance) = (false, 0.0);
+            found.impact_speed = (along(next, velocity) - along(moved, speed)).norm();
+        } else {
+            found.distance = found.distance.min(agent.shape.distance(next, shape, moved));
+        }
+        (here, there, other_velocity) = (next, moved, speed);
+        found.velocity.push(velocity);
+        found.poses.push(here);
+        if !found.avoids {
+            break;
+        }
+    }
+    found
+}
+
+/// What the driver sees of the partner, in the frame of its own heading.
+fn seen(
+    agent: &Track<'_>,
+    (here, velocity, acceleration): (Pose, f64, f64),
+    other: &Track<'_>,
+    (there, other_velocity): (Pose, f64),
+) -> Seen {
+    let (a, b) = (agent.shape.oriented_box(here), other.shape.oriented_box(there));
+    let axis = Point::from_angle(here.orientation);
+    let (offset, cos) = (b.center - a.center, axis.dot(b.axis).abs());
+    let sin = axis.cross(b.axis).abs();
+    let half = b.half_length * cos + b.half_width * sin;
+    Seen {
+        velocity,
+        acceleration,
+        other_velocity: other_velocity * axis.dot(Point::from_angle(there.orientation)),
+        gap: offset.dot(axis).abs() - half - a.half_length,
+        side: axis.cross(offset).abs() - b.half_length * sin - b.half_width * cos - a.half_width,
+        toward: 0.0,
+        is_ahead: offset.dot(axis) >= 0.0,
+        lengths: 2.0 * (half + a.half_length),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::shape::Shape;
+    use crate::road::testing::straight_road;
+    use crate::trajectory::{State, States};
+    use std::sync::Arc;
+
+    const DT: f64 = 0.1;
+
+    /// Speed and position of both along x at each step; the agent is 1.
+    fn traffic(steps: usize, motion: impl Fn(usize) -> [(f64, f64, f64); 2]) -> Traffic {
+        let mut states = States::absent(vec![1, 2], 0, steps);
+        for step in 0..steps {
+            for (row, (x, y, velocity)) in motion(step).into_iter().enumerate() {
+                states.set(row, step, &State { x, y, velocity, ..State::default() });
+            }
+        }
+        let shapes = vec![Shape::rectangle(4.5, 1.8); 2];
+        Traffic::new(DT, Arc::new(straight_road(1)), states, shapes, vec![false; 2]).expect("traffic")
+    }
+
+    fn verdict(traffic: &Traffic, time_step: i64) -> Preventability {
+        let conflict = Conflict { agent: 1, partner: 2, time_step, is_contact: true, is_pedestrian: false };
+        preventability(traffic, &[conflict]).expect("a verdict").remove(0)
+    }
+
+    /// Both keep their speeds; the other comes from the side at step 20 with a gap [m].
+    fn cut_in(gap: f64, (velocity, other): (f64, f64)) -> (Traffic, i64) {
+        let after = gap / (velocity - other);
+        let steps = 20 + (after / DT) as usize + 2;
+        let at = |step: usize| {
+            let time = (step as f64 - 20.0) * DT;
+            let y = if step < 20 { 3.5 } else { 0.0 };
+            [(velocity * time, 0.0, velocity), (gap + 4.5 + other * time, y, other)]
+        };
+        (traffic(steps, at), steps as i64 - 1)
+    }
+
+    #[test]
+    fn a_leader_that_enters_30_m_ahead_is_for_all_and_one_3_m_ahead_for_none() {
+        let (far, contact) = cut_in(30.0, (15.0, 10.0));
+        let found = verdict(&far, contact);
+        assert_eq!((found.undefined, found.from, found.velocity), (Undefined::Not, 20, 15.0));
+        assert!(found.replacements.iter().all(|one| one.avoids && one.impact_speed.is_nan() && one.distance > 0.0));
+        let (near, contact) = cut_in(3.0, (15.0, 10.0));
+        let found = verdict(&near, contact);
+        assert_eq!(found.from, 20);
+        assert!(found.replacements.iter().all(|one| !one.avoids && one.impact_speed > 0.0 && one.distance == 0.0));
+        // 0.6 s with a delay of 0.75 s: `Rss` hits it with all of the difference.
+        assert!((found.replacements[2].impact_speed - 5.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_standing_agent_one_hit_from_behind_and_crossing_ways_have_no_verdict() {
+        let behind = |velocity: f64| {
+            traffic(40, move |step| {
+                let time = step as f64 * DT;
+                [(50.0 + velocity * time, 0.0, velocity), (6.5 + (velocity + 10.0) * time, 0.0, velocity + 10.0)]
+            })
+        };
+        assert_eq!(verdict(&behind(0.0), 39).undefined, Undefined::Stood);
+        assert_eq!(verdict(&behind(5.0), 39).undefined, Undefined::Behind);
+        let mut states = States::absent(vec![1, 2], 0, 11);
+        for step in 0..11 {
+            let time = (step as f64 - 10.0) * DT;
+            states.set(0, step, &State { x: 10.0 * time, velocity: 10.0, ..State::default() });
+            let orientation = std::f64::consts::FRAC_PI_2;
+            states.set(1, step, &State { x: 3.0, y: 5.0 * time, velocity: 5.0, orientation, ..State::default() });
+        }
+        let shapes = vec![Shape::rectangle(4.5, 1.8); 2];
+        let road = Arc::new(straight_road(1));
+        let crossing = Traffic::new(DT, road, states, shapes, vec![false; 2]).expect("traffic");
+        let found = verdict(&crossing, 10);
+        assert_eq!(found.undefined, Undefined::Crossing);
+        assert!(found.replacements.is_empty());
+    }
+
+    #[test]
+    fn of_a_near_miss_the_way_goes_on_for_a_second() {
+        let (far, contact) = cut_in(30.0, (15.0, 10.0));
+        let conflict =
+            Conflict { agent: 1, partner: 2, time_step: contact - 8, is_contact: false, is_pedestrian: false };
+        let found = preventability(&far, &[conflict]).expect("a verdict").remove(0);
+        assert_eq!((found.undefined, found.from), (Undefined::Not, 20));
+        assert!(found.replacements.iter().all(|one| one.avoids));
+        let people = preventability(&far, &[Conflict { is_pedestrian: true, ..conflict }]).expect("a verdict");
+        assert_eq!(people[0].undefined, Undefined::Pedestrian);
+    }
+}
