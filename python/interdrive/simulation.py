@@ -20,7 +20,7 @@ from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import Failure, ask, planned
 from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.run import Plans, Views
-from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of, timings_of
+from interdrive.run.assemble import agent_record, digest, hits_of, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog
@@ -31,9 +31,10 @@ from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
+from interdrive.scoring.hits import hits_among
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Sequence, Set
 
     from interdrive.config.agent_config import PlannersSpec, RulesSpec, V2xSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
     from interdrive.run import Orders, Outcomes, RunSettings
+    from interdrive.scoring.hits import Hit
 
 
 class Simulation:
@@ -158,6 +160,7 @@ class Simulation:
         self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_workers()
         self._touching = self.world.entered_in_contact
+        self._hits: list[Hit] = []
         self._timings: list[tuple[int, list[float]]] = []
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
@@ -201,10 +204,22 @@ class Simulation:
             self._prediction_log.add(step.predictions)
         if self._candidate_log is not None:
             self._candidate_log.add(world, step)
+        driving = set(world.driving) if self.settings.collision.not_at_fault == "hitter_leaves" else set()
         world.advance(step)
+        if driving:
+            self._let_go_of_hit_agents(driving)
         if world.is_done:
             self._stop_workers()
         self._timings.append((time_step, step.seconds))
+
+    def _let_go_of_hit_agents(self, driving: Set[int]) -> None:
+        """Lets agents that drove drive on after contacts that were not their fault; who hit them leaves."""
+        raw = self.world.outcomes()
+        ended = set(raw["agent_id"][raw["partner_id"] >= 0].tolist()) & driving - set(self.world.driving)
+        if ended:
+            for hit in hits_among(self._recorded(with_violations=True), ended):
+                self.world.drive_on(hit.agent_id)
+                self._hits.append(hit)
 
     def _begin_step(self) -> _core.Step:
         """A step up to the plans of the core."""
@@ -303,6 +318,9 @@ class Simulation:
 
     def record(self) -> Run:
         """The run until now, as arrays."""
+        return self._recorded(with_violations=self.settings.record.violations)
+
+    def _recorded(self, *, with_violations: bool) -> Run:
         states = states_of(self.world.states())
         names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
         outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
@@ -331,13 +349,14 @@ class Simulation:
             orders=self._orders() if self.settings.record.orders else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
+            hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
         broken = (
             violations(run, self.road, self._core_scenario.junctions(), self.world.obeying, self.world.entries())
-            if self.settings.record.violations
+            if with_violations
             else None
         )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)

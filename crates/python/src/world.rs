@@ -241,6 +241,11 @@ impl PyWorld {
         Ok(Some(dict))
     }
 
+    /// Lets an agent drive on that the last step ended by a contact; the other participant leaves.
+    fn drive_on(&mut self, id: i64) -> PyResult<()> {
+        self.0.drive_on(id).map_err(exception)
+    }
+
     /// Ends a step: moves all participants.
     fn advance(&mut self, py: Python<'_>, step: &mut PyStep) -> PyResult<()> {
         step.mark();

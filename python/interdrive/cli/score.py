@@ -38,7 +38,7 @@ def score(
     RUN is a run folder; score.parquet is written to it unless you give --agents or --set. For a batch folder BATCH, the
     command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines the terms.
 
-    With --panel, the command scores RUN by another definition (Scores against a panel). That simulates up to five runs
+    With --panel, the command scores RUN by another definition (Scores against a panel). That simulates up to six runs
     per agent and writes nothing.
     """
     if panel is not None:

@@ -79,6 +79,20 @@ class RecordSettings:
 
 
 @dataclass(frozen=True)
+class CollisionSettings:
+    """What follows from contacts.
+
+    Attributes:
+        not_at_fault: What a contact with another vehicle does to an agent that is not at fault: `end` it, or
+            `hitter_leaves`: the other vehicle leaves, and the agent drives on as if it were untouched (`Run.hits`,
+            hits.parquet). Contacts with people and with what never moves end it anyway, and so do all contacts in
+            environments for learning.
+    """
+
+    not_at_fault: Literal["end", "hitter_leaves"] = "end"
+
+
+@dataclass(frozen=True)
 class RecordingSettings:
     """How the recordings of a file are read.
 
@@ -107,6 +121,7 @@ class SimulationSettings:
         v2x: Messages between agents.
         step: Order and end of a run.
         road: How leaving the road is judged.
+        collision: What follows from contacts.
         record: What is recorded.
     """
 
@@ -120,6 +135,7 @@ class SimulationSettings:
     v2x: V2xSettings = field(default_factory=V2xSettings)
     step: StepSettings = field(default_factory=StepSettings)
     road: RoadSettings = field(default_factory=RoadSettings)
+    collision: CollisionSettings = field(default_factory=CollisionSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
 
 

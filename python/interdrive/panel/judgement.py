@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 #: The drivers of the panel: four that differ in design, each with its default settings.
 PANEL = ("lawful", "idm", "idm_mobil", "rollout")
 
+_SEVERAL = "several agents are scored: what each of them takes from the others is not measured"
+
 #: Values above this are not worth a word; shorter stops neither [s].
 _NEARLY_ONE, _STOOD_MIN = 0.995, 1.0
 
@@ -54,6 +56,7 @@ class PanelScore:
         ids: Agents, ascending.
         planners: Names of their planners.
         facts: What decided. totals: The scores with all their parts.
+        hits: How often others hit them without their fault.
         hindrances: What others lost.
         reasons: In words, what made the score less than 1.
         panel: Drivers of the panel; empty: none, and scores are absolute.
@@ -64,6 +67,7 @@ class PanelScore:
     planners: tuple[str, ...]
     facts: tuple[Facts, ...]
     totals: tuple[Total, ...]
+    hits: tuple[int, ...]
     hindrances: tuple[Hindrance, ...]
     reasons: tuple[tuple[str, ...], ...]
     panel: tuple[str, ...]
@@ -123,16 +127,16 @@ def panel_score(
     own = drives_of(run, wanted, chosen)
     if not has_recording(run):
         raise InputError("score: the scenario file is gone or has changed, so nobody can drive in the agents' place")
-    notes = (
-        [] if len(own) < 2 else ["several agents are scored: what each of them takes from the others is not measured"]
-    )
+    notes = [_SEVERAL] if len(own) > 1 else []
     found = []
-    for number, drive in own.items():
-        place = PanelDrives()
-        if panel or len(own) == 1:
+    for number in list(own):
+        drive, place, driven = own[number], PanelDrives(), run
+        if panel or len(own) == 1 or drive.hit:
             world = World.of(run, number, trust=trust, threads=threads)
             place = panel_drives(world, panel, chosen, measures_hindrance=len(own) == 1)
-        found.append(judged(drive, run, place, chosen))
+            drive, driven = _on_after_hits(drive, run, world, chosen)
+        own[number] = drive
+        found.append(judged(drive, driven, place, chosen))
         notes += [note for note in place.notes if note not in notes]
         if on_agent is not None:
             on_agent(len(found), len(own))
@@ -141,11 +145,23 @@ def panel_score(
         planners=tuple(drive.planner for drive in own.values()),
         facts=tuple(one[0] for one in found),
         totals=tuple(one[1] for one in found),
+        hits=tuple(len(drive.hits) + bool(drive.hit) for drive in own.values()),
         hindrances=tuple(one[2] for one in found),
         reasons=tuple(one[3] for one in found),
         panel=tuple(panel),
         notes=tuple(notes),
     )
+
+
+def _on_after_hits(drive: Drive, run: Run, world: World, settings: ScoringSettings) -> tuple[Drive, Run]:
+    """The drive as it goes on after others hit the agent, and its run; as it is if nothing repeats it."""
+    again = world.driven_on() if drive.hit else None
+    if again is None:
+        return drive, run
+    on = drives_of(again, [drive.agent_id], settings)[drive.agent_id]
+    n = len(drive.time)
+    same = len(on.time) >= n and np.array_equal(on.s[:n], drive.s)
+    return (on, again) if same and np.array_equal(on.velocity[:n], drive.velocity) else (drive, run)
 
 
 def panel_drives(
@@ -238,6 +254,7 @@ def _reasons(
         if value < _NEARLY_ONE:
             said.append((value, f"{name} {value:.0f}: {words}"))
     reasons = [words for _, words in sorted(said, key=lambda one: one[0])]
+    reasons += [f"hit by {by} at {when} s, not its fault: drove on" for by, when in drive.hits]
     if drive.hit:
         reasons.append(f"{drive.hit}, not its fault: counts as standing from then on")
     if found.excused:

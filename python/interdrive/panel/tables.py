@@ -41,6 +41,7 @@ PANEL_COLUMNS = (
             ),
             Column("lost", "number", "time that others lose by it, in vehicle seconds", "s"),
             Column("forced", "truth", "somebody has to brake hard for it"),
+            Column("hits", "integer", "how often others hit it without its fault"),
             Column("cls", "number", "score in nuPlan's form", "1"),
             Column("epdms", "number", "score in the form of NAVSIM's EPDMS", "1"),
             Column("excused", "label", "gates and terms that count as 1 because no driver of the panel does better"),
@@ -67,6 +68,7 @@ def panel_table(found: PanelScore) -> ArrowTable:
                 name: [getattr(one, name) for one in facts]
                 for name in ("in_time", "arrived", "duration", "free_flow", "lost", "forced")
             },
+            "hits": found.hits,
             "distance": [one.way for one in facts],
             "excused": [", ".join(one.excused) for one in totals],
             "why": ["; ".join(reasons) for reasons in found.reasons],

@@ -10,7 +10,7 @@ import numpy as np
 
 from interdrive.config.agent_config import modules_named
 from interdrive.config.binding import bind
-from interdrive.config.schema import SimulationSettings
+from interdrive.config.schema import CollisionSettings, SimulationSettings
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings
 from interdrive.planners import NATIVE
@@ -29,6 +29,8 @@ class World:
     Attributes:
         scenario: As simulated.
         agent_id: The agent in whose place others drive.
+        own: Its planner as the run names it; None if nothing can repeat it.
+        own_rules: Rules that it obeys where they differ from those of all; None otherwise.
         others: Planners of all other agents, by id.
         present: Participants of the run.
         options: Other arguments of `interdrive.simulate`.
@@ -37,6 +39,8 @@ class World:
 
     scenario: Scenario
     agent_id: int
+    own: Any
+    own_rules: Any
     others: Mapping[int, Any]
     present: frozenset[int]
     options: Mapping[str, Any]
@@ -73,14 +77,20 @@ class World:
             unknown = [number for number, choice in others.items() if not _is_named(choice, names[number])]
             if unknown:
                 raise InputError(f"score: agent {unknown[0]} had a Python object as planner, which nothing can repeat")
+        chosen: Any = _choice(planner, agent_id)
+        is_own = wanted.get("repeatable", True) or _is_named(chosen, names[agent_id])
         return cls(
             scenario=run.scenario,
             agent_id=agent_id,
+            own=chosen if is_own and (trust or not modules_named({agent_id: chosen}, predictor)) else None,
+            own_rules=wanted.get("rules", {}).get(str(agent_id)),
             others=others,
             present=frozenset(run.states.participant_id.tolist()),
             options={
                 "predictor": predictor,
-                "settings": replace(settings, record=type(settings.record)()),
+                "settings": replace(
+                    settings, record=type(settings.record)(), collision=CollisionSettings("hitter_leaves")
+                ),
                 "seed": seed,
                 "threads": threads,
                 "views": _but(wanted.get("views", {}), agent_id),
@@ -101,6 +111,19 @@ class World:
             agents=[self.agent_id, *self.others],
             planner={**self.others, self.agent_id: planner},
             rules={**self.rules, self.agent_id: RulesSettings()},
+            **self.options,
+        )
+
+    def driven_on(self) -> Run | None:
+        """The same run, in which the agent drives on after it was hit; None if nothing can repeat its planner."""
+        if self.own is None:
+            return None
+        rules = dict(self.rules) if self.own_rules is None else {**self.rules, self.agent_id: self.own_rules}
+        return simulate(
+            self.scenario,
+            agents=[self.agent_id, *self.others],
+            planner={**self.others, self.agent_id: self.own},
+            rules=rules,
             **self.options,
         )
 

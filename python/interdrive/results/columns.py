@@ -23,6 +23,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "orders": arrays.Orders.columns,
     "messages": arrays.Messages.columns,
     "agreements": arrays.Agreements.columns,
+    "hits": arrays.Hits.columns,
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
@@ -34,4 +35,4 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages", "agreements")
+ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages", "agreements", "hits")

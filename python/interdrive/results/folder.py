@@ -55,6 +55,7 @@ class Results:
         orders: Orders to wait before junctions; None if no agent gets any, and with `record.orders=false`.
         messages: V2X messages; None unless `record.messages`.
         agreements: Which agent held for which; None if no agents negotiate.
+        hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
@@ -71,6 +72,7 @@ class Results:
     orders: pa.Table | None = None
     messages: pa.Table | None = None
     agreements: pa.Table | None = None
+    hits: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

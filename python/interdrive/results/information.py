@@ -84,6 +84,7 @@ class RunInformation(SoftwareInformation):
         candidates: Name of the table of candidates, None if there is none.
         violations: The same for violations. orders: The same for orders at junctions.
         messages: The same for V2X messages. agreements: The same for agreements about shared road.
+        hits: The same for contacts after which an agent drove on.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -102,6 +103,7 @@ class RunInformation(SoftwareInformation):
     orders: str | None
     messages: str | None
     agreements: str | None
+    hits: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
@@ -131,6 +133,7 @@ def information(run: RunRecord) -> RunInformation:
         "orders": None if run.orders is None else "orders.parquet",
         "messages": None if run.messages is None else "messages.parquet",
         "agreements": None if run.agreements is None else "agreements.parquet",
+        "hits": None if run.hits is None else "hits.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),

@@ -14,6 +14,7 @@ from interdrive.results.folder import read_results
 from interdrive.run import (
     AgentRecord,
     Agreements,
+    Hits,
     Messages,
     Orders,
     Outcomes,
@@ -80,6 +81,7 @@ def read_run(folder: str | Path) -> RunRecord:
         predictions=None if results.predictions is None else _predictions(results.predictions),
         candidates=None if results.candidates is None else _candidates(results.candidates),
         orders=_rows(Orders, results.orders),
+        hits=_rows(Hits, results.hits),
         cooperation=results.info.get("cooperation"),
     )
 

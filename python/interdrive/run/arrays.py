@@ -43,6 +43,9 @@ PHASES = ("observe", "predict", "plan", "plan_python", "record", "collision", "a
 #: Because of what is unseen it waits until it sees more.
 ORDERS = ("go", "yield", "exit", "queue", "follow", "crosswalk", "unseen")
 
+#: nuPlan's types of collisions.
+COLLISION_TYPES = ("stopped_agent", "stopped_other", "rear", "front", "lateral")
+
 #: Services of V2X messages; the position is the code in `Messages.service`.
 SERVICES = ("cam", "mcm", "cpm")
 
@@ -313,6 +316,19 @@ class Orders(Tabular):
     )
     by_id: Ints = field(metadata=integer("participant because of which it waited", null="no single one"))
     stop_s: Floats = field(metadata=number("arc length on its reference path that its front was not to pass", "m"))
+
+
+@dataclass(frozen=True, repr=False)
+class Hits(Tabular):
+    """Contacts that were not an agent's fault, after which it drove on and the other one left; by time and agent."""
+
+    _rows = "hits"
+
+    agent_id: Ints = field(metadata=integer("agent that was hit, and drove on"))
+    by_id: Ints = field(metadata=integer("participant that hit it, and left"))
+    time_step: Ints = field(metadata=integer("first time step after the contact, the last one of the other"))
+    impact_speed: Floats = field(metadata=number("size of the relative velocity at the contact", "m/s"))
+    collision_type: tuple[str, ...] = field(metadata=label("nuPlan's type of the collision", COLLISION_TYPES))
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.arrays import OUTCOMES, PHASES, Outcomes, Plans, States, Timings
+from interdrive.run.arrays import OUTCOMES, PHASES, Hits, Outcomes, Plans, States, Timings
 from interdrive.run.record import AgentRecord, RunRecord
 from interdrive.scenario import KINDS, STATE_FIELDS
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
 
@@ -39,6 +41,18 @@ def outcomes_of(raw: dict[str, Any], planners: dict[int, str], tracebacks: dict[
         outcome=tuple(OUTCOME_NAMES[code] for code in kinds),
         reason=("",) * len(ids),
         traceback=tuple(tracebacks.get(i, "") for i in ids),
+    )
+
+
+def hits_of(hits: Sequence[tuple[int, int, int, float, str]]) -> Hits:
+    """Contacts (agent, who hit it, time step, impact speed, type) as a record, by time step and agent."""
+    rows = sorted(hits, key=lambda hit: (hit[2], hit[0]))
+    return Hits(
+        agent_id=np.array([row[0] for row in rows], dtype=np.int64),
+        by_id=np.array([row[1] for row in rows], dtype=np.int64),
+        time_step=np.array([row[2] for row in rows], dtype=np.int64),
+        impact_speed=np.array([row[3] for row in rows], dtype=np.float64),
+        collision_type=tuple(row[4] for row in rows),
     )
 
 

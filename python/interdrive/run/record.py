@@ -104,6 +104,7 @@ class RunRecord:
             not set.
         messages: V2X messages; None unless `record.messages` is set.
         agreements: Which agents held for which; None unless agents negotiate.
+        hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
@@ -124,4 +125,5 @@ class RunRecord:
     orders: arrays.Orders | None = None
     messages: arrays.Messages | None = None
     agreements: arrays.Agreements | None = None
+    hits: arrays.Hits | None = None
     cooperation: Mapping[str, Json] | None = None

@@ -8,8 +8,9 @@ found.why(305)              # "at fault: cut off 12 at 3.2 s with 6.8 m left, 6.
 Definitions, sources and limits: docs/reference/scoring.md.
 """
 
+from interdrive.run.arrays import COLLISION_TYPES
 from interdrive.scoring.evaluation import Score, has_recording, score
-from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
+from interdrive.scoring.faults import FAULT_KINDS
 from interdrive.scoring.settings import ComfortBounds, PanelWeights, ReactionSettings, ScoreWeights, ScoringSettings
 from interdrive.scoring.tables import SCORE_COLUMNS, save_score, score_columns, score_table, stored_score
 

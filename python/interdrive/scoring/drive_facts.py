@@ -80,7 +80,8 @@ class Drive:
         ttc: Term. comfort: Term.
         cut_off_from: Participants whose right of way it took.
         free: Free-flow times at multiples of 0.5 m of the way [s]; empty without a path.
-        hit: Why another participant ended the drive without its fault; empty if none did.
+        hits: Who hit it when without its fault, and left: ids and seconds as text.
+        hit: Who ended the drive without its fault, and when; empty if nobody did.
     """
 
     agent_id: int
@@ -100,6 +101,7 @@ class Drive:
     comfort: Term
     cut_off_from: frozenset[int]
     free: Floats
+    hits: tuple[tuple[int, str], ...] = ()
     hit: str = ""
 
     @property
@@ -201,11 +203,19 @@ class _Drive:
             comfort=comfort_term(planned, self.dt, self.settings.comfort),
             cut_off_from=cut_off_from,
             free=self._free_flow(float(s[0])),
+            hits=self._hits(),
             hit=f"hit by {self.partner} at {self._when(int(self.columns[-1]))} s" if was_hit else "",
         )
 
     def _when(self, column: int) -> str:
         return said_seconds(column + self.run.states.first_time_step, self.dt)
+
+    def _hits(self) -> tuple[tuple[int, str], ...]:
+        hits = self.run.hits
+        if hits is None:
+            return ()
+        rows = np.flatnonzero(hits.agent_id == self.record.id).tolist()
+        return tuple((int(hits.by_id[k]), said_seconds(int(hits.time_step[k]), self.dt)) for k in rows)
 
     def _time_limit(self) -> float:
         """Time from the start until the agent is stopped [s]."""

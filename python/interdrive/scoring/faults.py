@@ -23,9 +23,6 @@ YIELD_RULES = ("red_light", "stop_sign", "right_of_way")
 #: Why a collision can be an agent's fault.
 FAULT_KINDS = ("cut_off", "ran_into", "wrong_side", "reversed", *YIELD_RULES)
 
-#: nuPlan's types of collisions.
-COLLISION_TYPES = ("stopped_agent", "stopped_other", "rear", "front", "lateral")
-
 #: Headings that differ by more than this cross [rad].
 _CROSSING_ANGLE = math.radians(45.0)
 

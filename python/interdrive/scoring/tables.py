@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from interdrive.scoring.faults import COLLISION_TYPES, FAULT_KINDS
+from interdrive.run.arrays import COLLISION_TYPES
+from interdrive.scoring.faults import FAULT_KINDS
 from interdrive.storage import (
     Column,
     absent_where,

@@ -247,13 +247,40 @@ impl World {
         let (time_step, settings, dt) = (self.time_step, self.settings.step, self.scenario.dt);
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(time_step - 1)) {
             let state = self.states[drive.row].expect("a driving agent has a state");
-            drive.outcome.time_step = time_step;
-            drive.follow_path(&state, dt);
-            drive.lines = drive.lines.after(state.velocity, dt);
-            if let Some(kind) = drive.judge(&state, time_step, &settings) {
-                drive.outcome.kind = kind;
-            }
+            drive.arrive(&state, time_step, &settings, dt);
         }
+    }
+
+    /// Lets an agent that has just ended by a contact with another participant drive on as if it were untouched. The other
+    /// one leaves: this time step is its last.
+    ///
+    /// # Errors
+    /// `UnknownId` without such an agent; `InvalidInput` if the last step did not end it by a contact.
+    pub fn drive_on(&mut self, id: i64) -> Result<()> {
+        let unknown = || Error::UnknownId { what: "agent", id };
+        let index = self.drives.iter().position(|drive| drive.agent.id == id).ok_or_else(unknown)?;
+        let (time_step, settings, dt) = (self.time_step, self.settings.step, self.scenario.dt);
+        let drive = &mut self.drives[index];
+        let (OutcomeKind::Collision, Some(partner)) = (drive.outcome.kind, drive.outcome.partner) else {
+            return Err(Error::invalid(format!("agent {id} was not ended by a contact")));
+        };
+        let state = self.recording.last_state(drive.row);
+        let (true, Some(state)) = (drive.outcome.time_step == time_step, state) else {
+            return Err(Error::invalid(format!("agent {id} was not ended by a contact in the last step")));
+        };
+        let Outcome { off_lanelets, off_lanelets_s, .. } = drive.outcome;
+        drive.outcome = Outcome { off_lanelets, off_lanelets_s, ..Outcome::running(time_step) };
+        drive.arrive(&state, time_step, &settings, dt);
+        let gone = self.participants.ids.iter().position(|participant| *participant == partner).ok_or_else(unknown)?;
+        self.recorded_row[gone] = None;
+        self.states[gone] = None;
+        self.entered_in_contact.retain(|(a, b)| *a != gone && *b != gone);
+        self.judge_length();
+        if self.drives[index].outcome.kind == OutcomeKind::Running {
+            self.states[self.drives[index].row] = Some(state);
+            self.look_at_lights_ahead_of(index);
+        }
+        Ok(())
     }
 
     /// Ends all agents at the largest number of time steps.
@@ -304,12 +331,16 @@ impl World {
             return;
         }
         for index in 0..self.drives.len() {
-            let drive = &self.drives[index];
-            if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
-                let (way, front) = drive.way_below(&state);
-                let lines = drive.lines.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
-                self.drives[index].lines = lines;
-            }
+            self.look_at_lights_ahead_of(index);
+        }
+    }
+
+    fn look_at_lights_ahead_of(&mut self, index: usize) {
+        let drive = &self.drives[index];
+        if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
+            let (way, front) = drive.way_below(&state);
+            let lines = drive.lines.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
+            self.drives[index].lines = lines;
         }
     }
 
@@ -335,6 +366,16 @@ impl Drive {
             let age = (time_step - made) as usize;
             age < replan_every && plan.points.len() > age + 1
         })
+    }
+
+    /// Updates how it stands from its state at a time step.
+    fn arrive(&mut self, state: &State, time_step: i64, settings: &StepSettings, dt: f64) {
+        self.outcome.time_step = time_step;
+        self.follow_path(state, dt);
+        self.lines = self.lines.after(state.velocity, dt);
+        if let Some(kind) = self.judge(state, time_step, settings) {
+            self.outcome.kind = kind;
+        }
     }
 
     /// Updates the arc length on the reference path.

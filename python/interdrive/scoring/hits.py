@@ -1,0 +1,60 @@
+"""Which contacts were not the fault of the agent that they ended: it was hit, and may drive on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from interdrive.scenario.inspection import DRIVABLE_KINDS
+from interdrive.scoring.drives import site_of, traffic
+from interdrive.scoring.faults import verdicts
+from interdrive.scoring.settings import ScoringSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from interdrive.run import RunRecord
+
+
+class Hit(NamedTuple):
+    """An agent that was hit by another vehicle without its fault.
+
+    Attributes:
+        agent_id: The agent. by_id: Who hit it.
+        time_step: First time step after the contact.
+        impact_speed: Size of the relative velocity at the contact [m/s].
+        collision_type: nuPlan's type of the collision.
+    """
+
+    agent_id: int
+    by_id: int
+    time_step: int
+    impact_speed: float
+    collision_type: str
+
+
+def hits_among(run: RunRecord, ended: Iterable[int]) -> list[Hit]:
+    """Agents of a run, of these that have just ended, that another vehicle hit without their fault.
+
+    They are judged in the order of their ids, from what has happened until now. Who hits an agent is judged no more.
+    """
+    outcomes, states = run.outcomes, run.states
+    rows = {number: row for row, number in enumerate(states.participant_id.tolist())}
+    wanted = sorted(ended)
+    simulated = traffic(site_of(run, run.settings.get("settings") or {}), run)
+    judged = verdicts(run, simulated, wanted, ScoringSettings())
+    found: list[Hit] = []
+    gone: set[int] = set()
+    for number in wanted:
+        verdict = judged.get(number)
+        if verdict is None or verdict.kind or number in gone:
+            continue
+        place = int(np.searchsorted(outcomes.agent_id, number))
+        by = int(outcomes.partner_id[place])
+        if by in gone or states.is_static[rows[by]] or states.kinds[rows[by]] not in DRIVABLE_KINDS:
+            continue
+        gone.add(by)
+        impact = float(outcomes.impact_speed[place])
+        found.append(Hit(number, by, int(outcomes.time_step[place]), impact, verdict.collision_type))
+    return found
