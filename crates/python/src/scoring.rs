@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use interdrive_core::collision::leaves_road as core_leaves_road;
 use interdrive_core::criticality::blame::{BlameRequest, Reaction, blame};
+use interdrive_core::criticality::preventability::{Conflict, Preventability, Replacement, preventability};
 use interdrive_core::criticality::straight::{StraightRequest, straight_times};
 use interdrive_core::criticality::{Traffic, crossing_lanelets as core_crossing_lanelets};
 use interdrive_core::error::Error;
 use interdrive_core::geometry::polyline::Polyline;
 use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::reference_drivers::Driver;
 use interdrive_core::road::RoadNetwork;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -115,6 +117,47 @@ impl PyTraffic {
         Ok(dict)
     }
 
+    /// What reference drivers would have avoided: for conflicts (agent, partner, time step of the first states after the
+    /// contact or of the near miss, whether it is a contact, whether the partner is a pedestrian) a dict of arrays in their
+    /// order; those of drivers have shape (conflicts, drivers).
+    fn preventability<'py>(
+        &self,
+        py: Python<'py>,
+        conflicts: Vec<(i64, i64, i64, bool, bool)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let conflict = |(agent, partner, time_step, is_contact, is_pedestrian)| Conflict {
+            agent,
+            partner,
+            time_step,
+            is_contact,
+            is_pedestrian,
+        };
+        let conflicts: Vec<Conflict> = conflicts.into_iter().map(conflict).collect();
+        let found = detached(py, || preventability(&self.traffic, &conflicts))?;
+        let dict = PyDict::new(py);
+        dict.set_item("undefined", found.iter().map(|one| one.undefined.name()).collect::<Vec<_>>())?;
+        dict.set_item("from_time_step", arrays::row(py, found.iter().map(|one| one.from).collect()))?;
+        dict.set_item("velocity", arrays::row(py, found.iter().map(|one| one.velocity).collect()))?;
+        dict.set_item("time", arrays::row(py, found.iter().map(|one| one.time).collect()))?;
+        let shape = [found.len(), Driver::ALL.len()];
+        let grid = |value: fn(&Replacement) -> f64| {
+            let of = |one: &Preventability, driver: usize| one.replacements.get(driver).map_or(f64::NAN, value);
+            let values = found.iter().flat_map(|one| (0..Driver::ALL.len()).map(move |driver| of(one, driver)));
+            arrays::grid(py, values.collect(), shape)
+        };
+        dict.set_item("preventable", grid(|one| f64::from(u8::from(one.avoids)))?)?;
+        dict.set_item("impact_speed", grid(|one| one.impact_speed)?)?;
+        dict.set_item("distance", grid(|one| one.distance)?)?;
+        let witnesses = PyDict::new(py);
+        for (place, driver) in Driver::ALL.into_iter().enumerate() {
+            let made: Vec<Bound<'py, PyDict>> =
+                found.iter().map(|one| witness(py, one.step, one.replacements.get(place))).collect::<PyResult<_>>()?;
+            witnesses.set_item(driver.name(), made)?;
+        }
+        dict.set_item("witness", witnesses)?;
+        Ok(dict)
+    }
+
     /// Whether points are on a lanelet that crosses others.
     fn is_on_crossing<'py>(
         &self,
@@ -128,6 +171,18 @@ impl PyTraffic {
             |i: usize| self.road.lanelets_at(Point::new(x[i], y[i])).iter().any(|lanelet| self.crossing[*lanelet]);
         Ok(arrays::row(py, (0..n).map(crosses).collect()))
     }
+}
+
+/// The drive of a reference driver as a dict of arrays, empty without one.
+fn witness<'py>(py: Python<'py>, step: f64, drive: Option<&Replacement>) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let poses = drive.map_or(&[][..], |one| &one.poses);
+    dict.set_item("step", step)?;
+    dict.set_item("x", arrays::row(py, poses.iter().map(|pose| pose.position.x).collect()))?;
+    dict.set_item("y", arrays::row(py, poses.iter().map(|pose| pose.position.y).collect()))?;
+    dict.set_item("orientation", arrays::row(py, poses.iter().map(|pose| pose.orientation).collect()))?;
+    dict.set_item("velocity", arrays::row(py, drive.map_or(Vec::new(), |one| one.velocity.clone())))?;
+    Ok(dict)
 }
 
 /// Ids of the lanelets that cross or join others that do not come from the same one.

@@ -23,6 +23,7 @@ use crate::getters::getters;
 use crate::planner::PyPlanner;
 use crate::predictions::{KnownParts, PyPredictions};
 use crate::predictor::PyPredictor;
+use crate::reference_drivers::driver;
 use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
 use crate::scene::{PyScene, Told, turn_of};
@@ -244,6 +245,11 @@ impl PyWorld {
     /// Lets an agent drive on that the last step ended by a contact; the other participant leaves.
     fn drive_on(&mut self, id: i64) -> PyResult<()> {
         self.0.drive_on(id).map_err(exception)
+    }
+
+    /// Puts a reference driver in the place of an agent from the next plan on.
+    fn replace_driver(&mut self, agent_id: i64, name: &str) -> PyResult<()> {
+        self.0.replace_driver(agent_id, driver(name)?).map_err(exception)
     }
 
     /// Ends a step: moves all participants.

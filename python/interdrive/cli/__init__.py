@@ -28,6 +28,7 @@ from interdrive.cli.page import report
 from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
+from interdrive.cli.preventability import preventability
 from interdrive.cli.run import run
 from interdrive.cli.score import score
 from interdrive.cli.settings import settings
@@ -119,6 +120,7 @@ _GROUPS = {
         (plot, "Draw a figure for a paper."),
         (criticality, "Measure how close traffic came to accidents."),
         (score, "Score agents from 0 to 100, with reasons."),
+        (preventability, "Say what reference drivers would have avoided."),
         (solution, "Export a run as a CommonRoad solution."),
     ),
     "Compare": (

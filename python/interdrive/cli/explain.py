@@ -38,6 +38,10 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
 
     run = load(folder)
     lines = [ending_of(run, one.id) for one in run.agents] if number is None else story(run, number)
+    if number is not None:
+        from interdrive.scoring import preventability  # noqa: PLC0415
+
+        lines += [f"  {words}" for words in preventability(run, [number]).words]
     print_text("\n".join(lines) or "the run has no agents")
     if number is not None and wanted:
         from interdrive.plots import save_figure  # noqa: PLC0415 - matplotlib

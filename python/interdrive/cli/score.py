@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,11 @@ from interdrive.cli.arguments import assigned, id_list, shown
 from interdrive.cli.terminal import print_csv, say
 from interdrive.config.binding import bind
 from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.run import RunRecord
 
 
 @click.command()
@@ -72,10 +78,21 @@ def score(
         print_csv(table.column_names, zip(*table.to_pydict().values(), strict=True))
     else:
         print_scores(found, run.scenario.name)
+        _say_preventable(run, found.ids.tolist())
     if ids is None and not given:
         path = save_score(found, folder)
         if not as_csv:
             say(f"table in {shown(path)}")
+
+
+def _say_preventable(run: RunRecord, ids: Sequence[int]) -> None:
+    """Says of each collision whether a careful and competent driver would have avoided it."""
+    from interdrive.scoring import preventability  # noqa: PLC0415
+
+    found = preventability(run, ids)
+    for number, kind, words in zip(found.agent_id.tolist(), found.kind, found.words, strict=True):
+        if kind == "collision":
+            say(f"agent {number}: {words}")
 
 
 def _score_against_panel(

@@ -7,7 +7,8 @@ found.why(305)              # "pace 0.62: 14.8 s for 61 m, where lawful took 8.0
 Definitions, sources and limits: docs/reference/panel_score.md.
 """
 
+from interdrive.panel.counterfactual import counterfactual
 from interdrive.panel.judgement import PANEL, PanelScore, panel_score
 from interdrive.panel.tables import PANEL_COLUMNS, panel_table
 
-__all__ = ["PANEL", "PANEL_COLUMNS", "PanelScore", "panel_score", "panel_table"]
+__all__ = ["PANEL", "PANEL_COLUMNS", "PanelScore", "counterfactual", "panel_score", "panel_table"]

@@ -11,20 +11,32 @@ Definitions, sources and limits: docs/reference/scoring.md.
 from interdrive.run.arrays import COLLISION_TYPES
 from interdrive.scoring.evaluation import Score, has_recording, score
 from interdrive.scoring.faults import FAULT_KINDS
+from interdrive.scoring.preventability import (
+    PREVENTABILITY_COLUMNS,
+    UNDEFINED,
+    Preventability,
+    Witness,
+    preventability,
+)
 from interdrive.scoring.settings import ComfortBounds, PanelWeights, ReactionSettings, ScoreWeights, ScoringSettings
 from interdrive.scoring.tables import SCORE_COLUMNS, save_score, score_columns, score_table, stored_score
 
 __all__ = [
     "COLLISION_TYPES",
     "FAULT_KINDS",
+    "PREVENTABILITY_COLUMNS",
     "SCORE_COLUMNS",
+    "UNDEFINED",
     "ComfortBounds",
     "PanelWeights",
+    "Preventability",
     "ReactionSettings",
     "Score",
     "ScoreWeights",
     "ScoringSettings",
+    "Witness",
     "has_recording",
+    "preventability",
     "save_score",
     "score",
     "score_columns",

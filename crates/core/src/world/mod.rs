@@ -27,9 +27,10 @@ use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::plan::frenet::{self, CostWeights};
 use crate::plan::reference::AlertnessLog;
-use crate::plan::{Planner, PlanningMemory, Prepared};
+use crate::plan::{Planner, PlanningMemory, Prepared, ReferenceDriving};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
+use crate::reference_drivers;
 use crate::right_of_way::{Course, Memory, Order};
 use crate::route::Route;
 use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
@@ -436,6 +437,19 @@ impl World {
         self.drives
             .binary_search_by_key(&id, |drive| drive.agent.id)
             .map_err(|_| Error::UnknownId { what: "agent", id })
+    }
+
+    /// Puts a reference driver in the place of an agent from the next plan on.
+    ///
+    /// # Errors
+    /// `UnknownId`.
+    pub fn replace_driver(&mut self, id: i64, driver: reference_drivers::Driver) -> Result<()> {
+        let index = self.drive_index(id)?;
+        let drive = &mut self.drives[index];
+        let planner = Planner::Reference(driver, ReferenceDriving::default());
+        drive.agent = Arc::new(Agent { planner, ..Agent::clone(&drive.agent) });
+        (drive.prepared, drive.alertness) = (Arc::new(Prepared::Nothing), Shared::default());
+        Ok(())
     }
 
     /// An agent as it was before the first step.

@@ -1,0 +1,122 @@
+"""What reference drivers would have avoided: collisions and near misses of runs, in tables and in words."""
+
+import time
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+from drivers import Straight
+
+import interdrive as idr
+from interdrive.cli import main
+from interdrive.panel import counterfactual
+from interdrive.scoring import preventability
+from interdrive.testing import Car, crossing, problem, straight_road, world
+
+
+def driven(cars, velocity=15.0, lanelets=None, **more):
+    """An agent that keeps its speed, whatever is in its way."""
+    agent = problem(100, 20.0, velocity=velocity, goal=(360.0, 0.0), time_step=(0, 200), **more)
+    scenario = world(lanelets or straight_road(400.0), cars=cars, problems=[agent], steps=200)
+    return idr.simulate(scenario, agents="problems", planner=Straight, predictor="constant_velocity", threads=1)
+
+
+def test_a_slower_leader_is_avoided_by_all_and_the_words_say_so():
+    found = preventability(driven([Car(5, 100.0, velocity=8.0)]))
+    assert (found.agent_id.tolist(), found.partner_id.tolist(), found.kind) == ([100], [5], ("collision",))
+    assert [found.preventable[name].tolist() for name in ("cc", "r157", "rss", "fsm")] == [[1.0]] * 4
+    assert np.isnan(found.impact_speed["cc"][0])
+    assert found.distance["cc"][0] > 1.0, "m"
+    assert found.words[0].startswith("a careful and competent driver (UN R157) would have avoided this collision at ")
+    assert "from 15.0 m/s" in found.words[0]
+
+
+def test_what_stands_behind_the_start_of_the_run_is_hit_by_all():
+    # 8 m ahead at 15 m/s: 0.5 s, less than any driver's delay.
+    found = preventability(driven([Car(5, 32.0)]))
+    assert [found.preventable[name][0] for name in ("cc", "rss", "fsm")] == [0.0, 0.0, 0.0]
+    assert found.impact_speed["rss"][0] == pytest.approx(15.0), "m/s"
+    assert 14.0 < found.impact_speed["cc"][0] < 15.0, "m/s"
+    assert "would not have avoided" in found.words[0]
+    assert "would have hit it with 14." in found.words[0]
+
+
+def test_crossing_traffic_has_no_verdict():
+    lanes = crossing()
+    car = Car(5, 0.0, -30.0, velocity=10.0, orientation=0.5 * np.pi)
+    agent = problem(100, -45.0, velocity=15.0, goal=(90.0, 0.0), time_step=(0, 200))
+    scenario = world(lanes, cars=[car], problems=[agent], steps=200)
+    run = idr.simulate(scenario, agents="problems", planner=Straight, predictor="constant_velocity", threads=1)
+    assert run.outcomes.outcome == ("collision",)
+    found = preventability(run)
+    assert found.undefined == ("crossing",)
+    assert np.isnan(found.preventable["cc"][0])
+    assert found.witness(0, "cc") is None
+    assert found.words == ("UN R157 has no reference driver for crossing traffic",)
+
+
+def test_a_near_miss_is_judged_too():
+    # The leader leaves the lane before it is reached: its recording ends 0.6 s before the contact.
+    found = preventability(driven([Car(5, 100.0, velocity=8.0, last=100)]))
+    assert found.kind == ("near_miss",)
+    assert found.preventable["cc"].tolist() == [1.0]
+    assert "coming so near" in found.words[0]
+
+
+def test_a_witness_is_the_drive_of_the_driver():
+    run = driven([Car(5, 100.0, velocity=8.0)])
+    found = preventability(run)
+    witness = found.witness(0, "r157")
+    start = found.from_time_step[0] - run.states.first_time_step
+    row = np.searchsorted(run.states.participant_id, 100)
+    assert witness.x[0] == run.states.x[row, start]
+    assert witness.velocity[0] == pytest.approx(15.0)
+    # 0.35 s of delay take four steps, then 6 m/s²
+    assert witness.velocity[:6] == pytest.approx([15.0, 15.0, 15.0, 15.0, 15.0, 14.4])
+    with pytest.raises(idr.InputError, match="there is no reference driver me"):
+        found.witness(0, "me")
+
+
+def test_a_counterfactual_is_the_same_run_up_to_a_moment_and_then_the_driver_brakes():
+    scenario = idr.shipped_scenario("t_junction")
+    run = idr.simulate(scenario, planner="velocity_adjusting", predictor="constant_velocity", threads=1)
+    number, at = int(run.agents[0].id), 20
+    other = counterfactual(run, number, "cc", at=at, threads=1)
+    first, second = run.states, other.states
+    same = slice(0, at + 1)
+    for name in ("x", "y", "orientation", "velocity"):
+        mine, theirs = getattr(first, name)[:, same], getattr(second, name)[:, same]
+        assert np.array_equal(mine, theirs, equal_nan=True), name
+    assert not np.array_equal(first.x[:, : at + 10], second.x[:, : at + 10], equal_nan=True)
+    assert counterfactual(run, number, "cc", at=at, threads=2).digest == other.digest
+    with pytest.raises(idr.InputError, match="has no collision with another participant"):
+        counterfactual(run, number)
+    with pytest.raises(idr.InputError, match="there is no reference driver me"):
+        counterfactual(run, number, "me")
+
+
+def test_a_collision_is_judged_in_less_than_a_fifth_of_a_second():
+    run = driven([Car(5, 100.0, velocity=8.0)])
+    preventability(run)
+    begin = time.perf_counter()
+    preventability(run)
+    assert time.perf_counter() - begin < 0.2
+
+
+def test_the_command_prints_the_table_and_stores_it(tmp_path):
+    folder = tmp_path / "run"
+    driven([Car(5, 100.0, velocity=8.0)]).save(folder)
+    for arguments, words in (
+        (["preventability", str(folder)], "1 collisions: a careful and competent driver avoids 1 and hits in 0"),
+        (["preventability", str(folder), "--csv"], "100,5,collision,"),
+        (["explain", str(folder), "100"], "would have avoided this collision"),
+        (["score", str(folder)], "agent 100: a careful and competent driver (UN R157) would have avoided"),
+    ):
+        result = CliRunner().invoke(main, arguments)
+        assert result.exit_code == 0
+        assert words in " ".join((result.stdout + result.stderr).split())
+    table = pq.read_table(folder / "preventability.parquet")
+    assert table.column("preventable_cc").to_pylist() == [True]
+    assert table.column("impact_speed_cc").to_pylist() == [None]
+    idr.load(folder)
