@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 import click
 
+from interdrive.cli.adversaries import adversaries
 from interdrive.cli.batch import batch
 from interdrive.cli.benchmark import benchmark
 from interdrive.cli.check import check
@@ -128,6 +129,7 @@ _GROUPS = {
         (compare, "Compare the planners of a batch, with confidence intervals."),
         (sql, "Query the results of a batch with SQL."),
         (benchmark, "Score a planner on a fixed set of scenarios."),
+        (adversaries, "Check that bad drivers rank below honest ones."),
         (predict_eval, "Compare predictions with recordings."),
     ),
     "Look up": (

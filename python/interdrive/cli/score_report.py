@@ -15,7 +15,9 @@ from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
+    from interdrive.adversaries import Ranking
     from interdrive.benchmarks import Benchmark, BenchmarkSet, Row
     from interdrive.comparison.scores import PlannerScore
     from interdrive.panel import PanelScore
@@ -27,6 +29,9 @@ _MISSING_MAX = 12
 #: What tables say of agents without a row, and of replayed humans.
 _LEFT_OUT = "left out: agents that a planner cannot drive, or whose recordings overlap those of others"
 _REPLAYED = "recorded has no row among reacting traffic: replayed humans do not react"
+
+#: What is said of adversaries.
+_RANKS = {None: "vice never acts", True: "as it should", False: "too high"}
 
 #: Terms in the table, and their headings.
 _TERMS = {
@@ -87,6 +92,41 @@ def print_panel_scores(found: PanelScore, name: str) -> None:
         console.print("absolute, without a panel: not comparable with scores against one", style="yellow")
     for note in found.notes:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
+
+
+def print_adversaries(found: Ranking, folder: Path) -> None:
+    """Prints honest drivers and adversaries with their differences; the last line says how many rank as they should."""
+    console = output()
+    honest = ", ".join(f"{name} {score:.1f}" for name, score in found.honest.items())
+    console.print(f"honest drivers: {escape(honest)}", soft_wrap=True)
+    numbers = ("score", "difference", "95 %", "drives with vice", "score there", "least honest there")
+    table = table_of(("adversary", "base", *numbers, "ranks"), right=numbers)
+    for one in found.verdicts:
+        table.add_row(
+            one.driver,
+            one.base,
+            _number(one.score, 1),
+            _number(one.difference, 1),
+            "" if math.isnan(one.low) else f"{one.low:.1f} to {one.high:.1f}",
+            str(one.n_vice),
+            _number(one.on_vice, 1),
+            _number(one.least_honest, 1),
+            _RANKS[one.holds] if math.isinf(one.loss_max) or one.holds else "loses too much",
+            style="red" if one.holds is False else None,
+        )
+    print_table(console, table, 1)
+    console.print(
+        f"{said_count(found.n_drives, 'agent')} of {said_count(found.n_files, 'file')}, "
+        f"{said_count(found.n_places, 'place')}; {escape(str(folder))}/adversaries.json",
+        soft_wrap=True,
+    )
+    if found.n_trivial:
+        console.print(f"left out: {said_count(found.n_trivial, 'agent')} whose goal is reached in time by standing")
+    if found.missing:
+        console.print(f"partial: {len(found.missing)} files or agents are missing", style="yellow")
+        for line in found.missing[:_MISSING_MAX]:
+            console.print(f"- {escape(line)}", soft_wrap=True)
+    console.print(f"{found.n_below} of {len(found.judged)} below")
 
 
 def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv: bool) -> None:

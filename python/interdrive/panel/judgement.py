@@ -36,12 +36,13 @@ class PanelDrives:
     """What can be reached in the place of one agent.
 
     Attributes:
-        drives: By name of the driver.
+        runs: By name of the driver. drives: The drives in them.
         hindrances: What others lose by each; empty where nobody can react.
         without: The world without the agent; None where nobody can react.
         notes: What the user should know.
     """
 
+    runs: Mapping[str, Run] = field(default_factory=dict)
     drives: Mapping[str, Drive] = field(default_factory=dict)
     hindrances: Mapping[str, Hindrance] = field(default_factory=dict)
     without: Run | None = None
@@ -174,16 +175,16 @@ def panel_drives(
             without = world.without_agent()
         except InterdriveError as error:
             notes.append(f"what others lose is not measured: the world without {world.agent_id} fails ({error})")
-    drives, hindrances = {}, {}
+    runs, drives, hindrances = {}, {}, {}
     for name in panel:
         again = world.driven_by(name)
         drive = drives_of(again, [world.agent_id], settings).get(world.agent_id)
         if drive is None:
             continue
-        drives[name] = drive
+        runs[name], drives[name] = again, drive
         if without is not None:
             hindrances[name] = hindrance_of(drive, again, without)
-    return PanelDrives(drives, hindrances, without, tuple(notes))
+    return PanelDrives(runs, drives, hindrances, without, tuple(notes))
 
 
 def judged(

@@ -1,0 +1,13 @@
+"""Whether the score against a panel can be gamed: drivers with vices, which must rank below honest ones.
+
+found = interdrive.adversaries.rank_adversaries(set="public-1", scenarios="scenarios")
+found.n_below, len(found.judged)    # how many rank as they should, of how many
+
+docs/how_to/adversaries.md says how to use it.
+"""
+
+from interdrive.adversaries.drivers import ADVERSARIES, Adversary
+from interdrive.adversaries.ranking import Ranking, Verdict, rank_adversaries
+from interdrive.adversaries.trial import Row
+
+__all__ = ["ADVERSARIES", "Adversary", "Ranking", "Row", "Verdict", "rank_adversaries"]
