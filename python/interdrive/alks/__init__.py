@@ -1,1 +1,37 @@
-"""The manoeuvres of UN R157 as worlds."""
+"""The manoeuvres of UN R157 over a grid of parameters: verdicts of reference drivers and of planners.
+
+cases = interdrive.alks.grid("cut_in", "jrc_high")
+found = interdrive.alks.driven(cases, "idm")
+found.crash.sum()
+
+Definitions and limits: docs/how_to/alks.md.
+"""
+
+from interdrive.alks.figures import cut_in_figures
+from interdrive.alks.grids import GRIDS, MANOEUVRES, Grid, grid
+from interdrive.alks.verdicts import (
+    ALKS_COLUMNS,
+    Verdicts,
+    boundary,
+    driven,
+    has_driver,
+    hits,
+    reference,
+    table_of,
+)
+
+__all__ = [
+    "ALKS_COLUMNS",
+    "GRIDS",
+    "MANOEUVRES",
+    "Grid",
+    "Verdicts",
+    "boundary",
+    "cut_in_figures",
+    "driven",
+    "grid",
+    "has_driver",
+    "hits",
+    "reference",
+    "table_of",
+]

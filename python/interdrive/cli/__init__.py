@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 import click
 
 from interdrive.cli.adversaries import adversaries
+from interdrive.cli.alks import alks
 from interdrive.cli.batch import batch
 from interdrive.cli.benchmark import benchmark
 from interdrive.cli.check import check
@@ -130,6 +131,7 @@ _GROUPS = {
         (sql, "Query the results of a batch with SQL."),
         (benchmark, "Score a planner on a fixed set of scenarios."),
         (adversaries, "Check that bad drivers rank below honest ones."),
+        (alks, "Drive the manoeuvres of UN R157 over a grid."),
         (predict_eval, "Compare predictions with recordings."),
     ),
     "Look up": (

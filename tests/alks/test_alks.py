@@ -1,0 +1,144 @@
+"""`interdrive alks`: grids of cut-ins, cut-outs and followings, verdicts, boundaries, the command."""
+
+import csv
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+from interdrive import InputError
+from interdrive.alks import boundary, cut_in_figures, driven, grid, hits, reference, table_of
+from interdrive.cli import main
+
+GRID = """
+[cut_in]
+velocity_kmh = [20, 90]
+other_velocity_kmh = [30]
+gap = {from = 5, to = 85, step = 20}
+sideways = [1.0]
+[cut_out]
+velocity = 20.0
+front_distance = [10]
+sideways = [1.0]
+[following]
+velocity = 20.0
+deceleration = [3.0]
+"""
+
+
+def invoked(*arguments):
+    result = CliRunner().invoke(main, ["alks", *map(str, arguments)])
+    return result.exit_code, result.output
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "grid.toml"
+    path.write_text(GRID)
+    return path
+
+
+def test_the_grids_of_jrc_have_as_many_cases_as_its_comparison():
+    named = [("cut_in", "jrc_high"), ("cut_in", "jrc_low"), ("cut_in", "jrc"), ("cut_out", "jrc"), ("following", "jrc")]
+    counts = [len(grid(kind, name)) for kind, name in named]
+    assert counts == [14040, 15930, 29970, 5850, 1121]
+
+
+def test_a_file_says_the_cases_and_those_with_a_faster_other_are_left_out(file):
+    cases = grid("cut_in", str(file))
+    assert (len(cases), cases.skipped) == (5, 5)
+    assert cases.case(0) == pytest.approx({"velocity": 25.0, "other_velocity": 30 / 3.6, "gap": 5.0, "sideways": 1.0})
+    assert cases.cases["gap"].tolist() == [5.0, 25.0, 45.0, 65.0, 85.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[cut_in]\nvelocity = [-1]\nother_velocity = 1\ngap = 1\nsideways = 1", "velocity must not be negative"),
+        ("[cut_in]\nvelocity = {from = 1, to = 2, step = 0}", "the step of velocity must be positive, is 0"),
+        ("[cut_in]\nvelocity = {from = 1}", "velocity must be numbers, or from, to and step"),
+        ("[cut_in]\nvelocity = 3", "other_velocity is missing"),
+        ("velocity = 3", "there is no table [cut_in]"),
+        ("[", "not a TOML file"),
+    ],
+)
+def test_a_file_that_says_no_grid_is_refused_in_one_line(tmp_path, text, words):
+    path = tmp_path / "grid.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        grid("cut_in", str(path))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_boundary_is_the_least_gap_from_which_on_nothing_is_hit(file):
+    cases = grid("cut_in", str(file))
+    (row,) = boundary(cases, hits("cut_in", "cc"))
+    case = {name: row[name] for name in ("velocity", "other_velocity", "sideways")}
+    assert 45.0 < row["gap"] < 85.0, "m"
+    assert not hits("cut_in", "cc")({**case, "gap": row["gap"]})
+    assert hits("cut_in", "cc")({**case, "gap": row["gap"] - 0.2})
+
+
+def test_a_planner_is_driven_through_every_case_with_any_number_of_workers(file):
+    cases = grid("cut_in", str(file))
+    done = []
+    found = driven(cases, "idm", predictor="constant_velocity", workers=1, on_cases=done.append)
+    assert done == [5]
+    assert found.driver == "idm"
+    assert np.isfinite(found.impact_speed).tolist() == found.crash.tolist()
+    table = table_of([found, reference(cases, "r157")]).to_pydict()
+    assert table["driver"] == ["idm"] * 5 + ["r157"] * 5
+    assert table["preventable_cc"][:5] == (~reference(cases, "cc").crash).tolist()
+    assert table["deceleration"] == [None] * 10
+    (name, figure), *others = cut_in_figures(found)
+    assert (name, others) == ("cut_in_90_30", [])
+    assert figure.axes[0].get_ylabel() == "gap [m]"
+
+
+def test_no_reference_driver_as_planner_hits_what_it_would_have_avoided(file):
+    for kind in ("cut_out", "following"):
+        found = driven(grid(kind, str(file)), "cc", predictor="constant_velocity", workers=1)
+        assert found.driver == "cc in worlds"
+        assert not (found.crash & ~reference(found.grid, "cc").crash).any()
+
+
+def test_the_command_writes_tables_and_figures_and_one_line_per_driver(file, tmp_path):
+    out = tmp_path / "out"
+    code, text = invoked("all", "--grid", file, "--driver-only", "--boundary", "--out", out)
+    assert code == 0
+    assert "left out 5 cut-ins in which the other is not slower" in text
+    assert "r157 crashes in" in text
+    assert "of them a careful and competent driver would not" in text
+    assert pq.read_table(out / "alks.parquet").num_rows == 5 * 4 + 3 + 3
+    with (out / "boundary.csv").open(newline="") as table:
+        assert len(list(csv.DictReader(table))) == 4 + 3
+    assert (out / "cut_in_90_30_cc.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--grid", "nothing.toml"), "--grid nothing.toml: there is no such file"),
+        (
+            ("cut_out", "--driver", "r157"),
+            "--driver r157: it is defined for cut-ins (UN R157, 5.2.5.2), not for cut_out",
+        ),
+        (("--driver", "me"), "--driver me: there is no such reference driver"),
+        (("--driver-only", "--planner", "idm"), "--driver-only: no planner drives"),
+    ],
+)
+def test_what_cannot_be_driven_is_refused(arguments, words):
+    code, text = invoked(*arguments)
+    assert code == 2
+    assert words in " ".join(text.split())
+
+
+def test_more_than_a_million_cases_need_a_yes(tmp_path):
+    path = tmp_path / "large.toml"
+    axis = "{from = 1, to = 110, step = 0.1}"
+    path.write_text(f"[following]\nvelocity = {axis}\ndeceleration = {axis}")
+    code, text = invoked("following", "--grid", path)
+    assert code == 2
+    assert "cases are more than 1,000,000; --yes drives them" in " ".join(text.split())
