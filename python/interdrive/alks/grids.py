@@ -49,7 +49,7 @@ class Grid:
         return len(self.cases["velocity"])
 
     def case(self, row: int) -> dict[str, float]:
-        """The numbers of one case."""
+        """The numbers of the case in a `row`, by name."""
         return {name: float(values[row]) for name, values in self.cases.items()}
 
 

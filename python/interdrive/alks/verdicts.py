@@ -81,7 +81,7 @@ class Verdicts:
 
 
 def has_driver(manoeuvre: str, driver: str) -> bool:
-    """Whether a reference driver is defined for a manoeuvre."""
+    """Whether a reference `driver` is defined for a `manoeuvre`."""
     return driver != "r157" or manoeuvre == "cut_in"
 
 
@@ -143,7 +143,7 @@ def driven(
 
 
 def table_of(found: Sequence[Verdicts]) -> ArrowTable:
-    """All verdicts, one row per case and driver, as an Arrow table with `ALKS_COLUMNS`."""
+    """The verdicts `found`, one row per case and driver, as an Arrow table with `ALKS_COLUMNS`."""
     columns: dict[str, list[object]] = {column.name: [] for column in ALKS_COLUMNS}
     for one in found:
         n = len(one.grid)
@@ -197,7 +197,7 @@ def boundary(grid: Grid, verdict: Callable[[dict[str, float]], bool]) -> list[di
 
 
 def hits(manoeuvre: str, driver: str, predictor: str | None = None) -> Callable[[dict[str, float]], bool]:
-    """Whether a reference driver (without a predictor) or a planner hits the other in a case."""
+    """Whether a reference `driver` (without a `predictor`), or a planner, hits the other in a case of a `manoeuvre`."""
     if predictor is None:
         return lambda case: bool(_law(manoeuvre)(driver, **case).crash[0])
     return lambda case: _drive(manoeuvre, driver, predictor, [case])[0][0]
