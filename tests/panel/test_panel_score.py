@@ -193,6 +193,7 @@ def test_the_table_has_every_column():
     table = panel_table(panel_score(drive(road(), Halt), panel=()))
     assert table.column_names == [column.name for column in PANEL_COLUMNS]
     assert table["in_time"].to_pylist() == [False]
+    assert table["forced"].to_pylist() == [None], "nobody can react"
 
 
 def test_bad_input_is_refused_in_one_line():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from interdrive.scoring.total import GATES
@@ -66,8 +67,9 @@ def panel_table(found: PanelScore) -> ArrowTable:
             **{name: [one.gates[name] for one in totals] for name in GATES},
             **{
                 name: [getattr(one, name) for one in facts]
-                for name in ("in_time", "arrived", "duration", "free_flow", "lost", "forced")
+                for name in ("in_time", "arrived", "duration", "free_flow", "lost")
             },
+            "forced": [None if math.isnan(one.lost) else one.forced for one in facts],
             "hits": found.hits,
             "distance": [one.way for one in facts],
             "excused": [", ".join(one.excused) for one in totals],
