@@ -110,21 +110,11 @@ fn chord(road: &RoadNetwork, lanelet: usize, from: f64, to: f64) -> f64 {
     if chord.norm() > 1e-6 { chord.angle() } else { road.heading_at(lanelet, to) }
 }
 
-/// All ways that arrive at a junction.
-#[derive(Debug, Clone)]
-struct Arrivals {
-    headings: Vec<f64>,
-    /// Each of them has a stop sign.
-    all_stop: bool,
-}
-
-/// The arrivals of every junction.
-fn arrivals(found: &Junctions, approaches: &[[Approach; 2]]) -> Vec<Arrivals> {
-    let mut arrivals = vec![Arrivals { headings: Vec::new(), all_stop: true }; found.n_junctions];
+/// The ways that arrive at every junction.
+fn arrivals<'a>(found: &Junctions, approaches: &'a [[Approach; 2]]) -> Vec<Vec<&'a Approach>> {
+    let mut arrivals = vec![Vec::new(); found.n_junctions];
     for (area, both) in found.areas.iter().zip(approaches) {
-        let here = &mut arrivals[area.junction];
-        here.headings.extend(both.iter().map(|approach| approach.heading));
-        here.all_stop &= both.iter().all(|approach| approach.rank == STOP);
+        arrivals[area.junction].extend(both);
     }
     arrivals
 }
@@ -138,7 +128,7 @@ fn come_from_the_same_side([a, b]: &[Approach; 2]) -> bool {
 fn decide(
     area: &Area,
     [a, b]: &[Approach; 2],
-    arrivals: &Arrivals,
+    arrivals: &[&Approach],
     (road, control): (&RoadNetwork, &Control),
 ) -> (Option<usize>, Reason) {
     let priorities = &control.priorities;
@@ -154,7 +144,7 @@ fn decide(
         if let Some(first) = greater(f64::from(a.rank), f64::from(b.rank)) {
             return (Some(first), Reason::Sign);
         }
-        if arrivals.all_stop {
+        if arrivals.iter().all(|approach| approach.rank == STOP) {
             return (None, Reason::Arrival);
         }
     }
@@ -169,7 +159,7 @@ fn decide(
         let has_signs = a.rank != 3 || b.rank != 3 || a.has_lights || b.has_lights;
         if !has_signs
             && angle.abs() > SAME_SIDE
-            && let Some(first) = main_road([a, b], &arrivals.headings, control)
+            && let Some(first) = main_road([a, b], arrivals, control)
         {
             return (Some(first), Reason::MainRoad);
         }
@@ -191,7 +181,7 @@ fn decide(
 }
 
 /// The main road of two without signs: the faster one, or at a T the road that goes on.
-fn main_road([a, b]: [&Approach; 2], arrivals: &[f64], control: &Control) -> Option<usize> {
+fn main_road([a, b]: [&Approach; 2], arrivals: &[&Approach], control: &Control) -> Option<usize> {
     // Not a number compares false.
     if a.limit >= b.limit + LIMIT_STEP {
         return Some(0);
@@ -199,7 +189,8 @@ fn main_road([a, b]: [&Approach; 2], arrivals: &[f64], control: &Control) -> Opt
     if b.limit >= a.limit + LIMIT_STEP {
         return Some(1);
     }
-    let goes_on = |heading: f64| arrivals.iter().any(|other| wrap_angle(other - heading).abs() >= PI - SAME_SIDE);
+    let goes_on =
+        |heading: f64| arrivals.iter().any(|other| wrap_angle(other.heading - heading).abs() >= PI - SAME_SIDE);
     match [a, b].map(|one| goes_on(one.heading)) {
         [true, false] if control.priorities.derives_main_road => Some(0),
         [false, true] if control.priorities.derives_main_road => Some(1),

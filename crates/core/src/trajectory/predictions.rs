@@ -71,40 +71,19 @@ impl Predictions {
     }
 
     /// The table with more rows at its end, without any expectation yet. Their ids need not be ascending, so that
-    /// [`Predictions::row`] must not be asked of it.
-    pub(crate) fn extended(&self, ids: impl Iterator<Item = i64>) -> Self {
-        let mut all: Vec<i64> = Vec::with_capacity(self.ids.len() + ids.size_hint().0);
-        all.extend_from_slice(&self.ids);
-        all.extend(ids);
-        let (n_modes, n_steps) = (self.n_modes, self.n_steps);
-        let n = all.len() * n_modes * n_steps;
-        let longer = |field: &[f64]| {
-            let mut out = Vec::with_capacity(n);
-            out.extend_from_slice(field);
-            out.resize(n, f64::NAN);
-            out
-        };
-        let mut probability = Vec::with_capacity(all.len() * n_modes);
-        probability.extend_from_slice(&self.probability);
-        probability.resize(all.len() * n_modes, 0.0);
-        let mut valid = Vec::with_capacity(n);
-        valid.extend_from_slice(&self.valid);
-        valid.resize(n, false);
-        Self {
-            time_step: self.time_step,
-            ids: all,
-            n_modes,
-            n_steps,
-            probability,
-            x: longer(&self.x),
-            y: longer(&self.y),
-            orientation: longer(&self.orientation),
-            velocity: longer(&self.velocity),
-            covariance_xx: longer(&self.covariance_xx),
-            covariance_xy: longer(&self.covariance_xy),
-            covariance_yy: longer(&self.covariance_yy),
-            valid,
+    /// Adds a row without expectations and returns its position. Its id need not be the largest: [`Predictions::row`] must
+    /// not be asked of such a table.
+    pub(crate) fn push_row(&mut self, id: i64) -> usize {
+        self.ids.push(id);
+        let n = self.ids.len() * self.n_modes;
+        self.probability.resize(n, 0.0);
+        let Self { x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy, valid, n_steps, .. } =
+            self;
+        for field in [x, y, orientation, velocity, covariance_xx, covariance_xy, covariance_yy] {
+            field.resize(n * *n_steps, f64::NAN);
         }
+        valid.resize(n * *n_steps, false);
+        self.ids.len() - 1
     }
 
     /// Becomes a table of `n_rows` rows without expectations and ids; the memory is reused.

@@ -22,27 +22,15 @@ pub fn steps_to_arrival(delay: f64, dt: f64) -> i64 {
     ((delay / dt - 1e-9).ceil() as i64).max(1)
 }
 
-/// The way of a message: time step of sending, ids of sender and receiver, code of the service.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Transmission {
-    pub(super) time_step: i64,
-    pub(super) sender: i64,
-    pub(super) receiver: i64,
-    pub(super) service: i64,
-}
-
-impl Transmission {
-    fn drawn(&self, seed: u64, purpose: i64) -> f64 {
-        uniform(seed, &[purpose, self.time_step, self.sender, self.receiver, self.service])
+/// Time step at which a message arrives; `None` if it is lost. `way` is the time step of sending, the ids of sender and
+/// receiver, and the code of the service; `probability` is that of [`reception`].
+pub(super) fn arrival(settings: &V2xSettings, seed: u64, way: [i64; 4], probability: f64, dt: f64) -> Option<i64> {
+    let [time_step, sender, receiver, service] = way;
+    let drawn = |purpose: i64| uniform(seed, &[purpose, time_step, sender, receiver, service]);
+    // A draw is below 1, so certainty needs none.
+    if probability <= 0.0 || (probability < 1.0 && drawn(RECEPTION) >= probability) {
+        return None;
     }
-
-    /// Time step of arrival; `None` if it is lost. `probability` is that of [`reception`].
-    pub(super) fn arrival(&self, settings: &V2xSettings, seed: u64, probability: f64, dt: f64) -> Option<i64> {
-        // A draw is below 1, so certainty needs none.
-        if probability <= 0.0 || (probability < 1.0 && self.drawn(seed, RECEPTION) >= probability) {
-            return None;
-        }
-        let jitter = if settings.jitter > 0.0 { settings.jitter * self.drawn(seed, JITTER) } else { 0.0 };
-        Some(self.time_step + steps_to_arrival(settings.delay + jitter, dt))
-    }
+    let jitter = if settings.jitter > 0.0 { settings.jitter * drawn(JITTER) } else { 0.0 };
+    Some(time_step + steps_to_arrival(settings.delay + jitter, dt))
 }

@@ -98,26 +98,28 @@ pub(crate) struct Observer<'a> {
     pub(crate) bar: Option<(&'a ReferencePath, Barrier)>,
 }
 
-/// What fills an additional row.
+/// The table with its additional rows.
 #[derive(Debug)]
-enum Filling {
-    /// A plan of this age [s]; how far its sender is from it now [m].
-    Plan(Arc<Message>, f64, Point),
-    /// A state of this age [s], of a participant that never moves or may move.
-    Told(f64, bool),
-    /// A bar that opens after a time [s].
-    Bar(f64),
-}
-
-/// The additional rows.
-#[derive(Debug, Default)]
 struct Additional {
+    table: Predictions,
     extras: Vec<Extra>,
-    fillings: Vec<Filling>,
     /// By sender: time step of the plan, whether the sender is in sight, and the row if the plan can be used.
     plans: Vec<Vec<(i64, bool, Option<usize>)>>,
     /// By id, and time step and sender of what was told.
     told: BTreeMap<(i64, i64, i64), usize>,
+}
+
+impl Additional {
+    /// Adds a row, which is still to be written.
+    fn push(&mut self, extra: Extra) -> usize {
+        let row = self.table.push_row(extra.id);
+        self.extras.push(extra);
+        row
+    }
+
+    fn extra(&self, row: usize) -> &Extra {
+        &self.extras[row + self.extras.len() - self.table.ids.len()]
+    }
 }
 
 impl Network {
@@ -132,36 +134,21 @@ impl Network {
     ) -> SharedPredictions {
         let ids: Vec<i64> = scene.present.iter().map(|row| scene.participants.ids[*row]).collect();
         let senders: Vec<Option<usize>> = ids.iter().map(|id| self.place(*id)).collect();
-        let mut more = Additional { plans: vec![Vec::new(); self.ids().len()], ..Additional::default() };
+        let (extras, plans) = (Vec::new(), vec![Vec::new(); self.ids().len()]);
+        let mut more = Additional { table: table.clone(), extras, plans, told: BTreeMap::new() };
         let mut known = BTreeMap::new();
         for (observer, visible) in observers.iter().zip(visible) {
-            let found = self.knowledge(scene, observer, (visible, &ids, &senders), &mut more);
+            let found = self.knowledge((scene, road), observer, (visible, &ids, &senders), &mut more);
             known.insert(observer.id, found);
         }
-        let n = ids.len();
-        let mut all = table.extended(more.extras.iter().map(|extra| extra.id));
-        for (i, (filling, extra)) in more.fillings.iter().zip(&more.extras).enumerate() {
-            match filling {
-                Filling::Plan(message, age, off) => self.write_plan(&mut all, n + i, message, *age, *off),
-                Filling::Told(age, is_static) => {
-                    write_told(&mut all, n + i, (extra.kind, *is_static), &extra.state, *age, (self.dt, road));
-                }
-                Filling::Bar(release) => {
-                    write_told(&mut all, n + i, (extra.kind, true), &extra.state, 0.0, (self.dt, road));
-                    let closed = (release / self.dt).ceil().max(1.0) as usize;
-                    let start = all.offset(n + i, 0);
-                    all.valid[start..start + all.n_steps].iter_mut().skip(closed).for_each(|valid| *valid = false);
-                }
-            }
-        }
-        SharedPredictions { table: Arc::new(all), extras: more.extras, known }
+        SharedPredictions { table: Arc::new(more.table), extras: more.extras, known }
     }
 
     /// What an agent knows, sorted by id. `visible` are places among those present, `ids` their ids, `senders` their
     /// places among the equipped agents.
     fn knowledge(
         &self,
-        scene: &Scene,
+        (scene, road): (&Scene, &RoadNetwork),
         observer: &Observer<'_>,
         (visible, ids, senders): (&[usize], &[i64], &[Option<usize>]),
         more: &mut Additional,
@@ -173,7 +160,7 @@ impl Network {
             let plan = senders[place].and_then(|sender| inbox.heard[sender][1].as_ref().map(|plan| (sender, plan)));
             let row = plan.and_then(|(sender, plan)| self.plan_row(scene, sender, plan, Some(place), more));
             let age = row.and(plan).map_or(0.0, |(_, plan)| age(plan));
-            let row = row.map_or(place, |extra| ids.len() + extra);
+            let row = row.unwrap_or(place);
             known.push(Known { id: ids[place], via: Via::Sensors, age, row, seen: Some(place) });
         }
         let is_seen = |known: &[Known], id: i64| known[..visible.len()].binary_search_by_key(&id, |k| k.id).is_ok();
@@ -192,34 +179,38 @@ impl Network {
             let plan = mcm.as_ref();
             let planned = plan.and_then(|plan| Some((plan, self.plan_row(scene, sender, plan, None, more)?)));
             let (row, age) = match planned {
-                Some((plan, extra)) => (extra, age(plan)),
-                None => (
-                    self.told_row(&Object { id, status, is_static: false }, newest.time_step, id, scene, more),
-                    age(newest),
-                ),
+                Some((plan, row)) => (row, age(plan)),
+                None => {
+                    let object = Object { id, status, is_static: false };
+                    (self.told_row(&object, newest.time_step, id, (scene, road), more), age(newest))
+                }
             };
             told.push(Known { id, via: Via::Cam, age, row, seen: None });
         }
-        keep_unseen(scene, observer, &mut told, &more.extras);
-        known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
+        keep_unseen(scene, observer, &mut told, more);
+        known.append(&mut told);
         let n_heard = known.len();
         for (&id, (time_step, sender, object)) in &inbox.objects {
             let is_heard = known[visible.len()..n_heard].binary_search_by_key(&id, |k| k.id).is_ok();
             if id == observer.id || is_seen(&known, id) || is_heard {
                 continue;
             }
-            let row = self.told_row(object, *time_step, self.ids()[*sender], scene, more);
+            let row = self.told_row(object, *time_step, self.ids()[*sender], (scene, road), more);
             let age = (scene.time_step - time_step) as f64 * self.dt;
             told.push(Known { id, via: Via::Cpm, age, row, seen: None });
         }
-        keep_unseen(scene, observer, &mut told, &more.extras);
-        known.extend(told.drain(..).map(|known| Known { row: ids.len() + known.row, ..known }));
+        keep_unseen(scene, observer, &mut told, more);
+        known.append(&mut told);
         if let Some((path, barrier)) = observer.bar {
             let (state, shape) = bar(path, barrier.s);
             let (kind, is_static) = (ParticipantKind::ConstructionZone, barrier.until.is_infinite());
-            more.extras.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
-            more.fillings.push(Filling::Bar(barrier.until));
-            known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row: ids.len() + more.extras.len() - 1, seen: None });
+            let row = more.push(Extra { id: BAR, kind, state, shape, is_static, sender: observer.id, age: 0.0 });
+            let table = &mut more.table;
+            write_told(table, row, (kind, true), &state, 0.0, (self.dt, road));
+            let closed = (barrier.until / self.dt).ceil().max(1.0) as usize;
+            let start = table.offset(row, 0);
+            table.valid[start..start + table.n_steps].iter_mut().skip(closed).for_each(|valid| *valid = false);
+            known.push(Known { id: BAR, via: Via::Hold, age: 0.0, row, seen: None });
         }
         known.sort_by_key(|known| known.id);
         known
@@ -240,17 +231,18 @@ impl Network {
         if let Some((.., row)) = more.plans[sender].iter().find(key) {
             return *row;
         }
-        let extra = self.planned(scene, message, seen);
-        let row = extra.as_ref().map(|_| more.extras.len());
+        let row = self.planned(scene, message, seen).map(|(extra, off)| {
+            let age = extra.age;
+            let row = more.push(extra);
+            self.write_plan(&mut more.table, row, message, age, off);
+            row
+        });
         more.plans[sender].push((message.time_step, seen.is_some(), row));
-        if let Some((extra, filling)) = extra {
-            more.extras.push(extra);
-            more.fillings.push(filling);
-        }
         row
     }
 
-    fn planned(&self, scene: &Scene, message: &Arc<Message>, seen: Option<usize>) -> Option<(Extra, Filling)> {
+    /// The sender of a plan where it is now, and how far it is from its plan [m].
+    fn planned(&self, scene: &Scene, message: &Message, seen: Option<usize>) -> Option<(Extra, Point)> {
         let Payload::Mcm { status, is_emergency, spacing, points, .. } = &message.payload else { return None };
         // The next plan of an emergency is another one: it says no more than a short plan.
         if *is_emergency || ((points.len().max(1) - 1) as f64) * spacing < SHORTEST_PLAN - 1e-9 {
@@ -270,21 +262,30 @@ impl Network {
         }
         let shape = Shape::rectangle(status.length, status.width);
         let (id, kind) = (message.sender, status.kind);
-        let extra = Extra { id, kind, state, shape, is_static: false, sender: id, age };
-        Some((extra, Filling::Plan(Arc::clone(message), age, off)))
+        Some((Extra { id, kind, state, shape, is_static: false, sender: id, age }, off))
     }
 
     /// The additional row of a participant whose state was told by a sender.
-    fn told_row(&self, object: &Object, time_step: i64, sender: i64, scene: &Scene, more: &mut Additional) -> usize {
-        *more.told.entry((object.id, time_step, sender)).or_insert_with(|| {
-            let age = (scene.time_step - time_step) as f64 * self.dt;
-            let Object { id, status, is_static } = *object;
-            let state = if is_static { status.state } else { moved(&status, age) };
-            let shape = Shape::rectangle(status.length, status.width);
-            more.extras.push(Extra { id, kind: status.kind, state, shape, is_static, sender, age });
-            more.fillings.push(Filling::Told(age, is_static));
-            more.extras.len() - 1
-        })
+    fn told_row(
+        &self,
+        object: &Object,
+        time_step: i64,
+        sender: i64,
+        (scene, road): (&Scene, &RoadNetwork),
+        more: &mut Additional,
+    ) -> usize {
+        let key = (object.id, time_step, sender);
+        if let Some(row) = more.told.get(&key) {
+            return *row;
+        }
+        let age = (scene.time_step - time_step) as f64 * self.dt;
+        let Object { id, status, is_static } = *object;
+        let state = if is_static { status.state } else { moved(&status, age) };
+        let (kind, shape) = (status.kind, Shape::rectangle(status.length, status.width));
+        let row = more.push(Extra { id, kind, state, shape, is_static, sender, age });
+        write_told(&mut more.table, row, (kind, is_static), &state, age, (self.dt, road));
+        more.told.insert(key, row);
+        row
     }
 
     fn write_plan(&self, out: &mut Predictions, row: usize, message: &Message, age: f64, off: Point) {
@@ -327,18 +328,17 @@ fn bar(path: &ReferencePath, s: f64) -> (State, Shape) {
     (state, Shape::rectangle(BAR_LENGTH, 2.0 * side))
 }
 
-/// Drops what the agent's sensors would see where it was told to be, and what drives above or below it; the rows are
-/// those of `extras`.
-fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, extras: &[Extra]) {
+/// Drops what the agent's sensors would see where it was told to be, and what drives above or below it.
+fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, more: &Additional) {
     if told.is_empty() {
         return;
     }
     let body = |known: &Known| {
-        let extra = &extras[known.row];
+        let extra = more.extra(known.row);
         (&extra.shape, extra.state.pose(), extra.is_static)
     };
     let bodies: Vec<_> = told.iter().map(body).collect();
     let mut seen = scene.would_see(observer.row, observer.view, &bodies, &|_| true).into_iter();
     let (pose, storeys) = (scene.state(observer.row).pose(), &scene.participants.storeys);
-    told.retain(|known| seen.next() == Some(false) && !storeys.are_apart(pose, extras[known.row].state.pose()));
+    told.retain(|known| seen.next() == Some(false) && !storeys.are_apart(pose, more.extra(known.row).state.pose()));
 }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::V2xSettings;
-use super::channel::{Transmission, reception};
+use super::channel::{arrival, reception};
 use super::inbox::Inbox;
 use super::log::{Agreement, Log, Logged, Row};
 use super::message::{Message, Object, Payload, Status, WAY_SPACING, objects_max, plan_point};
@@ -36,14 +36,6 @@ pub(crate) struct Speaker<'a> {
     pub(crate) objects: Vec<Object>,
 }
 
-/// A message on its way.
-#[derive(Debug, Clone)]
-struct Delivery {
-    sender: usize,
-    receiver: usize,
-    message: Arc<Message>,
-}
-
 /// Messages of all equipped agents.
 #[derive(Debug, Clone)]
 pub(crate) struct Network {
@@ -54,8 +46,8 @@ pub(crate) struct Network {
     ids: Vec<i64>,
     sent: Vec<Sent>,
     pub(super) inboxes: Vec<Inbox>,
-    /// What arrives in one step, in two, and so on.
-    queue: VecDeque<Vec<Delivery>>,
+    /// What arrives in one step, in two, and so on: the receiver's place, and the message.
+    queue: VecDeque<Vec<(usize, Arc<Message>)>>,
     agreements: Vec<Agreement>,
     log: Log,
     /// Memory: bytes that each agent hears in a step; links of a message; points of a plan.
@@ -179,13 +171,8 @@ impl Network {
             let distance = position.distance(from);
             let is_near = distance <= self.settings.range;
             let probability = reception(&self.settings, distance);
-            let way = Transmission {
-                time_step: now,
-                sender: self.ids[sender],
-                receiver: self.ids[receiver],
-                service: service as i64,
-            };
-            let arrival = way.arrival(&self.settings, self.seed, probability, self.dt);
+            let way = [now, self.ids[sender], self.ids[receiver], service as i64];
+            let arrival = arrival(&self.settings, self.seed, way, probability, self.dt);
             if is_near || arrival.is_some() {
                 in_range += 1;
                 self.links.push((self.ids[receiver], arrival, distance));
@@ -196,7 +183,7 @@ impl Network {
             if self.queue.len() <= ahead {
                 self.queue.resize(ahead + 1, Vec::new());
             }
-            self.queue[ahead].push(Delivery { sender, receiver, message: Arc::clone(&message) });
+            self.queue[ahead].push((receiver, Arc::clone(&message)));
         }
         let (objects, points) = match &message.payload {
             Payload::Cam(_) => (0, 0),
@@ -224,7 +211,8 @@ impl Network {
     pub(crate) fn file(&mut self, now: i64) {
         self.heard.fill(0);
         let mut arrived = self.queue.pop_front().unwrap_or_default();
-        for Delivery { sender, receiver, message } in arrived.drain(..) {
+        for (receiver, message) in arrived.drain(..) {
+            let sender = self.place(message.sender).expect("senders are equipped");
             self.heard[receiver] += message.bytes();
             self.inboxes[receiver].file(sender, &message);
         }

@@ -1,4 +1,4 @@
-use super::channel::Transmission;
+use super::channel::arrival;
 use super::message::{Message, Status};
 use super::*;
 use crate::right_of_way::Memory;
@@ -32,8 +32,7 @@ fn reception_ends_at_the_range_or_fades() {
 fn losses_of_two_receivers_have_nothing_to_do_with_each_other() {
     let settings = V2xSettings { loss: 0.3, ..V2xSettings::default() };
     let is_lost = |time_step, receiver| {
-        let way = Transmission { time_step, sender: 1, receiver, service: 0 };
-        way.arrival(&settings, 0, reception(&settings, 50.0), 0.1).is_none()
+        arrival(&settings, 0, [time_step, 1, receiver, 0], reception(&settings, 50.0), 0.1).is_none()
     };
     let n = 100_000;
     let share = |lost: &dyn Fn(i64) -> bool| (0..n).filter(|k| lost(*k)).count() as f64 / n as f64;
