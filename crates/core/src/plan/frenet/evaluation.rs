@@ -15,7 +15,9 @@ use super::search::{Entry, Refined, SearchSpace};
 use super::settings::{FrenetSettings, N_TABLE_TERMS, N_TERMS, N_WORLD_TERMS};
 use super::terms::{FrenetMotion, has_world_terms, weighted_world_terms, world_terms};
 use crate::collision::departs_road;
+use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
+use crate::trajectory::Obstruction;
 
 /// Points of the prediction term that are computed at once.
 const POINTS_PER_TURN: usize = 2;
@@ -305,6 +307,61 @@ fn in_path_frame(samples: &SampleGrid, profile: usize, end_offset: usize) -> Fre
         end_offset: samples.end_offsets[end_offset],
         is_over_arc: samples.profiles[profile].is_over_arc,
     }
+}
+
+impl Evaluation<'_> {
+    /// Why no sample is admissible, after a search that rejected every sample: what rejected most of the samples that the
+    /// vehicle can drive. Contacts with one participant count together; the first of equals counts.
+    pub(super) fn obstruction(&mut self) -> Obstruction {
+        let memory = &*self.tables.memory;
+        let mut hits = vec![0_usize; self.problem.request.others.len()];
+        memory.contacts.iter().for_each(|(_, contact)| hits[contact.other] += 1);
+        let (other, most) = first_of_most(&hits);
+        if memory.n_off_road > most {
+            self.obstructing_edge()
+        } else if most > 0 {
+            self.obstructing_contact(other)
+        } else {
+            self.obstructing_limit()
+        }
+    }
+
+    /// The samples hit a participant: where the first of them does.
+    fn obstructing_contact(&mut self, other: usize) -> Obstruction {
+        let contacts = self.tables.memory.contacts.iter().filter(|(_, contact)| contact.other == other);
+        let (sample, contact) = *contacts.min_by_key(|(sample, _)| *sample).expect("there is a contact");
+        self.write_if_drivable(sample as usize);
+        let request = self.problem.request;
+        let words = Rejection::Collision.words(request.predictions.ids[request.others[other].row]);
+        Obstruction { at: self.points()[contact.interval + 1].center, ..Obstruction::nowhere(&words) }
+    }
+
+    /// The samples leave the road: where the cheapest of them is furthest outside.
+    fn obstructing_edge(&mut self) -> Obstruction {
+        self.write_if_drivable(self.tables.memory.off_road_sample);
+        let request = self.problem.request;
+        let (overhang, at) = self.points().iter().fold((f64::NEG_INFINITY, Point::default()), |furthest, point| {
+            let overhang = request.road.overhang(request.shape, point.pose(), &mut Vec::new());
+            if overhang > furthest.0 { (overhang, point.center) } else { furthest }
+        });
+        Obstruction { rejection: Rejection::OffRoad.words(-1), at, overhang }
+    }
+
+    /// The vehicle can drive none of the samples: which limit they exceed first.
+    fn obstructing_limit(&mut self) -> Obstruction {
+        let mut counts = [0; Rejection::ALL.len()];
+        for sample in 0..self.len() {
+            counts[self.write_points(sample) as usize] += 1;
+        }
+        counts[Rejection::Admissible as usize] = 0;
+        Obstruction::nowhere(&Rejection::ALL[first_of_most(&counts).0].words(-1))
+    }
+}
+
+/// Place and size of the largest count.
+fn first_of_most(counts: &[usize]) -> (usize, usize) {
+    let largest = counts.iter().copied().enumerate().rev().max_by_key(|(_, count)| *count);
+    largest.unwrap_or((0, 0))
 }
 
 impl SearchSpace for Evaluation<'_> {

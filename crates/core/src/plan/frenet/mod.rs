@@ -26,7 +26,6 @@ mod profile_speeds;
 mod cost;
 mod search;
 mod evaluation;
-mod obstruction;
 mod candidates;
 mod single;
 #[cfg(test)]
@@ -119,7 +118,7 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
     };
     *effort = evaluation.tables.memory.n_trajectories();
     let Some((sample, cost)) = choice else {
-        let obstruction = Some(obstruction::find(&mut evaluation));
+        let obstruction = Some(evaluation.obstruction());
         let braking = emergency_braking::last_resort(request, n_points, road, "no sample can be driven");
         return PlanResult { obstruction, ..braking };
     };

@@ -3,9 +3,6 @@
 
 mod boxes;
 mod degenerate;
-mod quadrature;
-#[cfg(test)]
-mod slabs;
 
 use crate::geometry::Point;
 use boxes::{Boxes, LANES, NODES_UP_TO};

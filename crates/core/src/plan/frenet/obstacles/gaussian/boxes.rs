@@ -11,7 +11,6 @@
 #![expect(clippy::needless_range_loop, reason = "loops over lanes become one step of a wide machine")]
 
 use super::REACH;
-use super::quadrature::gauss_legendre;
 
 /// Boxes that are worked on at once.
 pub(super) const LANES: usize = 8;
@@ -179,6 +178,44 @@ fn probability(x: &Side, y: &Side, gain: f32) -> f32 {
     let found = x.probability * y.probability + gain;
     let is_possible = (x.low < REACH as f32) & (y.low < REACH as f32) & (found > 0.0);
     if is_possible { found } else { 0.0 }
+}
+
+/// Nodes of a Gauss-Legendre rule in [-1, 1] with their weights, computed by the compiler: zeros of the Legendre polynomial of degree `N` by Newton's method from the usual
+/// cosine guesses.
+pub(super) const fn gauss_legendre<const N: usize>() -> [(f64, f64); N] {
+    let mut rule = [(0.0, 0.0); N];
+    let mut i = 0;
+    while i < N {
+        let mut x = cos_series(std::f64::consts::PI * (i as f64 + 0.75) / (N as f64 + 0.5));
+        let mut slope = 1.0;
+        let mut round = 0;
+        while round < 8 {
+            let (mut before, mut value, mut k) = (1.0, x, 1);
+            while k < N {
+                let next = ((2 * k + 1) as f64 * x * value - k as f64 * before) / (k + 1) as f64;
+                (before, value) = (value, next);
+                k += 1;
+            }
+            slope = N as f64 * (x * value - before) / (x * x - 1.0);
+            x -= value / slope;
+            round += 1;
+        }
+        rule[i] = (x, 2.0 / ((1.0 - x * x) * slope * slope));
+        i += 1;
+    }
+    rule
+}
+
+const fn cos_series(angle: f64) -> f64 {
+    let mut term = 1.0;
+    let mut sum = 1.0;
+    let mut n = 1.0;
+    while n < 40.0 {
+        term *= -angle * angle / (n * (n + 1.0));
+        sum += term;
+        n += 2.0;
+    }
+    sum
 }
 
 /// sqrt(2 pi) times the density at a place that is not negative, and the probability of being beyond it.

@@ -1,3 +1,5 @@
+mod slabs;
+
 use super::*;
 
 /// Midpoint rule with a million cells over the part of the box within 7 standard deviations.

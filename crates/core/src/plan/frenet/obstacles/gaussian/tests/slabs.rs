@@ -2,8 +2,8 @@
 //! across its shorter side (in standard deviations), over which the conditional probability is integrated. The
 //! distribution function of one variable comes from a table of cubics (error below 1e-10).
 
-use super::REACH;
-use super::quadrature::gauss_legendre;
+use super::super::REACH;
+use super::super::boxes::gauss_legendre;
 
 const INVERSE_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 
