@@ -1,4 +1,4 @@
-//! First bounds of profiles: by how much the speeds of a profile's samples differ from the desired one at least, whatever the
+//! Bounds of profiles: by how much the speeds of a profile's samples differ from the desired one at least, whatever the
 //! end offset. Computed in single precision for every profile; most of them are never examined again.
 //!
 //! Rounding: speeds are off by less than `SPEED_ROUNDING` of the speeds that they are made of, and sums by less than
@@ -119,7 +119,7 @@ fn spread_at(points: &LateralPoints, [first, last]: [f64; 2], out: &mut [f32]) {
 
 /// The smallest absolute value of numbers between two.
 #[inline(always)]
-pub(super) fn smallest_magnitude(a: f64, b: f64) -> f64 {
+fn smallest_magnitude(a: f64, b: f64) -> f64 {
     let (low, high) = if a < b { (a, b) } else { (b, a) };
     let near = if low > -high { low } else { -high };
     if near > 0.0 { near } else { 0.0 }
@@ -127,7 +127,7 @@ pub(super) fn smallest_magnitude(a: f64, b: f64) -> f64 {
 
 /// The largest absolute value of numbers between two.
 #[inline(always)]
-pub(super) fn largest_magnitude(a: f64, b: f64) -> f64 {
+fn largest_magnitude(a: f64, b: f64) -> f64 {
     let (a, b) = (a.abs(), b.abs());
     if a > b { a } else { b }
 }

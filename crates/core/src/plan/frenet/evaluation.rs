@@ -365,11 +365,6 @@ fn first_of_most(counts: &[usize]) -> (usize, usize) {
 }
 
 impl SearchSpace for Evaluation<'_> {
-    fn tighten(&mut self, profile: usize) -> Option<f64> {
-        let Problem { request, settings, .. } = self.problem;
-        self.tables.costs.tighten(self.tables.samples, profile, &settings.weights, &request.route.path)
-    }
-
     fn open(&mut self, profile: usize) -> impl Iterator<Item = f64> {
         let (samples, path) = (&mut *self.tables.samples, &self.problem.request.route.path);
         self.tables.costs.compute_profile(samples, profile, &self.problem.settings.weights, path);

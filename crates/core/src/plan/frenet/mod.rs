@@ -22,7 +22,6 @@ mod cartesian;
 mod terms;
 mod obstacles;
 mod cost_bounds;
-mod profile_speeds;
 mod cost;
 mod search;
 mod evaluation;

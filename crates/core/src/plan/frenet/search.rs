@@ -86,9 +86,6 @@ pub(super) enum Refined {
 
 /// Access to the samples.
 pub(super) trait SearchSpace {
-    /// A better bound of a group than the one before, if there is one; not below it.
-    fn tighten(&mut self, group: usize) -> Option<f64>;
-
     /// Bounds of the samples of a group, in order; none is below that of the group, infinite ones are rejected already.
     fn open(&mut self, group: usize) -> impl Iterator<Item = f64>;
 
@@ -149,13 +146,6 @@ pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Op
     while let Some(Reverse(mut entry)) = queue.entries.pop() {
         let index = entry.index();
         if let Some(group) = entry.group_number() {
-            if let Some(bound) = search.tighten(group) {
-                entry = entry.with(bound);
-                if queue.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
-                    queue.entries.push(Reverse(entry));
-                    continue;
-                }
-            }
             queue.push_group(index, search.open(group));
             continue;
         }
@@ -221,18 +211,10 @@ mod tests {
         parts: &'a [[f64; 5]],
         rejected: &'a [bool],
         done: Vec<usize>,
-        tightened: Vec<bool>,
         work: usize,
     }
 
     impl SearchSpace for Sums<'_> {
-        /// Every other group has a better bound, once.
-        fn tighten(&mut self, group: usize) -> Option<f64> {
-            let bounds = self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]);
-            let is_new = group.is_multiple_of(2) && !std::mem::replace(&mut self.tightened[group], true);
-            is_new.then(|| bounds.fold(f64::INFINITY, f64::min))
-        }
-
         fn open(&mut self, group: usize) -> impl Iterator<Item = f64> {
             self.work += 1;
             self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0])
@@ -267,15 +249,14 @@ mod tests {
             let least = |group: usize| {
                 parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]).fold(f64::INFINITY, f64::min)
             };
-            // The last ten stand alone. First bounds of groups may be low.
+            // The last ten stand alone. Bounds of groups may be low.
             let groups = (0..9).map(|group| {
                 let first = if least(group).is_finite() { least(group) } else { 1.0 };
                 Entry::group(first - f64::from(u8::from(group.is_multiple_of(2))), group * GROUP, group)
             });
             let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
             start(&mut queue, groups.chain(alone));
-            let search =
-                || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], tightened: vec![false; 9], work: 0 };
+            let search = || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], work: 0 };
             let (mut lazy, mut full) = (search(), search());
             let chosen = exhaustive(&queue, &mut full);
             assert_eq!(best_first(&mut queue, &mut lazy), chosen);
@@ -289,8 +270,7 @@ mod tests {
     fn none_is_chosen_if_all_are_rejected() {
         let mut queue = Queue::default();
         start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
-        let mut search =
-            Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], tightened: vec![], work: 0 };
+        let mut search = Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], work: 0 };
         assert_eq!(exhaustive(&queue, &mut search), None);
         assert_eq!(best_first(&mut queue, &mut search), None);
     }
