@@ -15,6 +15,10 @@ pub const CRAWLING_SPEED: f64 = 1.0;
 /// stand by their own measure, so that no agent is judged for a stop that it has made.
 pub const JUDGED_STANDSTILL_SPEED: f64 = 0.2;
 
+/// A vehicle that is slower than this has come to rest [m/s]: well below the speed at which agents stand by their own measure,
+/// as one that creeps has not come to rest.
+pub(crate) const REST_SPEED: f64 = 0.05;
+
 /// A vehicle with this speed along its heading [m/s] reverses: slower motions backwards are standing.
 pub fn reverses(velocity: f64) -> bool {
     velocity < -STANDSTILL_SPEED
@@ -23,6 +27,10 @@ pub fn reverses(velocity: f64) -> bool {
 /// Comfortable braking [m/s²]: with more than this no vehicle has to stop for a light that changes, and none is expected to
 /// brake to give way. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation Engineers).
 pub const COMFORTABLE_DECELERATION: f64 = 3.0;
+
+/// Firm braking [m/s²]: a vehicle that would have to brake harder to wait for another one is not expected to. It is the safe
+/// deceleration of MOBIL (Kesting, Treiber, Helbing, Transportation Research Record 1999, 2007, doi 10.3141/1999-10).
+pub(crate) const FIRM_DECELERATION: f64 = 4.0;
 
 /// Acceleration of the earliest entry into a conflict zone that a vehicle is capable of in traffic [m/s²].
 pub(crate) const EARLY_ACCELERATION: f64 = 2.0;

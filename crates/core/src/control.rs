@@ -113,6 +113,7 @@ impl Turn {
 
     /// Of a way with this change of heading [rad], left positive: from 25 degrees on it turns.
     pub fn of_angle(angle: f64) -> Self {
+        /// [rad]; lanes that only bend change their heading by less.
         const TURN: f64 = 25.0 / 180.0 * std::f64::consts::PI;
         match angle {
             _ if angle > TURN => Self::Left,

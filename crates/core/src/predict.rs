@@ -32,7 +32,7 @@ pub(crate) use waiting::{Waiting, wait};
 /// Below this speed [m/s] a participant is taken to stand and to stay.
 const PREDICTED_STANDING_SPEED: f64 = 0.3;
 /// Variance of the position of something that stands [m²].
-const STATIONARY_VARIANCE: f64 = 0.02;
+pub(crate) const STATIONARY_VARIANCE: f64 = 0.02;
 
 settings! {
     /// Spread of a moving participant.

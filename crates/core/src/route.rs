@@ -20,6 +20,9 @@ const GOAL_SAMPLING: f64 = 0.1;
 const GOAL_MARGIN: f64 = 30.0;
 /// A piece is at least this long [m].
 const LENGTH_MIN: f64 = 1e-3;
+/// The foot of a place of the map on a path is searched this far around where it is expected [m]: smoothing and blends
+/// between lanes shift arc lengths.
+pub(crate) const FOOT_WINDOW: f64 = 25.0;
 /// How far [m] an arc length on the smooth path may differ from that on the centre lines.
 const HINT_WINDOW: f64 = 20.0;
 

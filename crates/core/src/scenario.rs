@@ -77,6 +77,7 @@ impl Goal {
 
 /// The heading lies in the interval [rad], wherever the interval was cut.
 pub fn orientation_within(orientation: f64, (low, high): (f64, f64)) -> bool {
+    /// More than the rounding of an angle [rad].
     const TOLERANCE: f64 = 1e-9;
     let half = 0.5 * (high - low);
     half >= std::f64::consts::PI || wrap_angle(orientation - (low + half)).abs() <= half + TOLERANCE

@@ -146,6 +146,7 @@ impl Scene {
 
     /// The same as it could be observed at a time step of the past; `None` where the participant was absent.
     pub fn observed_velocity_at(&self, row: usize, time_step: i64) -> Option<f64> {
+        /// A stated speed that differs by more from the observed motion is not believed [m/s].
         const CONTRADICTION: f64 = 1.0;
         const WINDOW: i64 = 3;
         let then = self.past.get(row, time_step)?;

@@ -6,6 +6,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use super::footing::{is_against_the_lane, is_along_a_lane, is_within_another_lane, is_within_one_lane, lanes_at};
 use super::traffic::Traffic;
 use crate::collision::{first_contact, pose_between};
+use crate::conduct::REST_SPEED;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose, wrap_angle};
@@ -21,8 +22,6 @@ pub(super) const ALONGSIDE_ANGLE: f64 = 0.25 * PI;
 /// Of two vehicles that meet where lanelets cross, the turning one is the vehicle that turned more within this time
 /// before [s].
 const TURN_TIME: f64 = 3.0;
-/// Vehicles slower than this stand [m/s].
-pub(super) const STANDING_SPEED: f64 = 0.05;
 /// Touching within this [m] is touching with the front edge.
 const EDGE_TOLERANCE: f64 = 2e-3;
 
@@ -167,12 +166,12 @@ impl Track<'_> {
 
     /// It reverses at the contact.
     fn reverses(&self) -> bool {
-        self.speed() < -STANDING_SPEED
+        self.speed() < -REST_SPEED
     }
 
     /// First step of the unbroken stretch up to the contact in which it reverses.
     fn reverses_since(&self) -> usize {
-        self.speeds.len() - self.speeds.iter().rev().take_while(|speed| **speed < -STANDING_SPEED).count()
+        self.speeds.len() - self.speeds.iter().rev().take_while(|speed| **speed < -REST_SPEED).count()
     }
 
     /// Change of the heading over the last steps, without sign [rad].
@@ -310,7 +309,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     if agent.reverses() && side == 3 {
         return verdict(FaultKind::Reversed, None);
     }
-    if angle > ONCOMING_ANGLE && other_drives && other.speed() > STANDING_SPEED {
+    if angle > ONCOMING_ANGLE && other_drives && other.speed() > REST_SPEED {
         if is_against_the_lane(road, agent.shape, here) {
             return verdict(FaultKind::WrongSide, None);
         }
@@ -330,7 +329,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     }
     // One that leaves its lane beside an agent that keeps its own is not cut off, however much faster it is.
     if other_drives
-        && other.speed().abs() > STANDING_SPEED
+        && other.speed().abs() > REST_SPEED
         && into_ours.step >= into_theirs.step
         && !is_within_one_lane(road, other.shape, there)
         && keeps_lane_beside(pair, into_theirs.step)
@@ -340,7 +339,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
     // A vehicle that drives across a lane without a lane of its own has no way that the lane's traffic could enter, nor has
     // one that reverses.
     let owns_a_way = !other_drives
-        || other.speed().abs() <= STANDING_SPEED
+        || other.speed().abs() <= REST_SPEED
         || is_along_a_lane(road, there)
         || !keeps_its_lane(pair, into_theirs.step);
     let cuts_off = entered && owns_a_way && !other.reverses() && into_theirs.gap < into_theirs.needed;
@@ -352,7 +351,7 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     let is_front = side == 0;
-    if is_front && agent.speed() > STANDING_SPEED && into_ours.gap >= into_ours.needed {
+    if is_front && agent.speed() > REST_SPEED && into_ours.gap >= into_ours.needed {
         return verdict(FaultKind::RanInto, Some(&into_ours));
     }
     if cuts_off {
@@ -408,10 +407,10 @@ fn touching_direction(agent: &Track<'_>, other: &Track<'_>) -> Point {
 
 fn collision_type(agent: &Track<'_>, other: &Track<'_>) -> CollisionType {
     let (here, there) = (agent.contact(), other.contact());
-    if agent.speed().abs() <= STANDING_SPEED {
+    if agent.speed().abs() <= REST_SPEED {
         return CollisionType::StoppedAgent;
     }
-    if other.speed().abs() <= STANDING_SPEED {
+    if other.speed().abs() <= REST_SPEED {
         return CollisionType::StoppedOther;
     }
     let away = there.position - here.position;

@@ -1,9 +1,10 @@
 //! Whether a reference driver in the agent's place would have avoided a contact: from the stored states alone, nothing is
 //! simulated anew. Definitions: docs/concepts/preventability.md.
 
-use super::blame::{ALONGSIDE_ANGLE, Pair, STANDING_SPEED, Track, side};
+use super::blame::{ALONGSIDE_ANGLE, Pair, Track, side};
 use super::traffic::Traffic;
 use crate::collision::{first_contact, pose_between};
+use crate::conduct::REST_SPEED;
 use crate::error::Result;
 use crate::geometry::{Point, Pose, wrap_angle};
 use crate::reference_drivers::{Driver, Reaction, Seen};
@@ -125,12 +126,12 @@ fn judged(traffic: &Traffic, conflict: &Conflict) -> Result<Preventability> {
 fn undefined(pair: &Pair<'_>, conflict: &Conflict, from: usize) -> Undefined {
     let (agent, other) = (&pair.agent, &pair.other);
     let angle = wrap_angle(other.contact().orientation - agent.contact().orientation).abs();
-    let drives = other.speed().abs() > STANDING_SPEED;
+    let drives = other.speed().abs() > REST_SPEED;
     if conflict.is_pedestrian {
         Undefined::Pedestrian
-    } else if agent.speed() < -STANDING_SPEED || agent.speeds[from] < -STANDING_SPEED {
+    } else if agent.speed() < -REST_SPEED || agent.speeds[from] < -REST_SPEED {
         Undefined::Reversed
-    } else if agent.speed() <= STANDING_SPEED {
+    } else if agent.speed() <= REST_SPEED {
         Undefined::Stood
     } else if drives && (angle > ALONGSIDE_ANGLE || other.speed() < 0.0) {
         Undefined::Crossing

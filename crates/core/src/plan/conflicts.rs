@@ -244,6 +244,7 @@ impl Conflicts {
 
     /// Drops standing participants that the footprint, grown by a margin [m], does not touch on the way to the target.
     pub(super) fn spare_untouched(&mut self, request: &PlanRequest, ego: &Ego, margin: f64) {
+        /// Distance of the places on the path at which footprints are compared [m].
         const STEP: f64 = 0.5;
         let Self { occupancies, intervals, .. } = self;
         occupancies.retain(|occupancy| {
@@ -405,6 +406,7 @@ fn must_wait(
 
 /// Order of simultaneous arrivals: straight on before turning, otherwise priority to the right.
 fn has_priority(request: &PlanRequest, ego: &Ego, occupancy: &PathOccupancy) -> bool {
+    /// Turns that differ by less are alike [rad]: headings of predictions are that inexact.
     const SAME_TURN: f64 = 0.2;
     let (other, predictions) = (&request.others[occupancy.other], request.predictions);
     let k = predictions.offset(other.row, occupancy.mode) + occupancy.first - 1;

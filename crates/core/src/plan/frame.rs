@@ -7,13 +7,12 @@ use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::{Point, Pose, wrap_angle};
 use crate::trajectory::State;
 use crate::vehicle::Vehicle;
+use crate::vehicle::single_track::CREEPING_SPEED;
 
 /// The agent moves along the path only if it heads within about 84 degrees of it (cos D) ...
 const COSINE_MIN: f64 = 0.1;
 /// ... and is not near the centre of the path's curvature (K).
 pub(super) const STRETCH_MIN: f64 = 0.05;
-/// Below this speed [m/s] a yaw rate says nothing about the steering.
-const CREEPING_SPEED: f64 = 0.1;
 /// The foot is searched within this distance of the last one [m].
 const SEARCH_WINDOW: f64 = 15.0;
 

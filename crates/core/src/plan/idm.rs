@@ -4,12 +4,11 @@ use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
 use super::frame::Start;
+use super::path_motion::RETURN_TIME;
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{positive, settings};
 
-/// An offset from the path is given up in this time [s].
-pub(super) const RETURN_TIME: f64 = 4.0;
 /// Least desired speed of an agent whose goal says nothing about where or how fast, or is over [m/s]: that of city
 /// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
 const CRUISE_VELOCITY_MIN: f64 = 15.0;

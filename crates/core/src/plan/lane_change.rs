@@ -12,18 +12,18 @@ use super::arrival;
 use super::comfort::Comfort;
 use super::conflicts::Ego;
 use super::frame::Start;
-use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need};
+use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::{LaneChange, PlanRequest};
+use crate::conduct::FIRM_DECELERATION;
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 
-/// Lag vehicles must not have to brake harder than this [m/s²] ...
-const SAFE_DECELERATION: f64 = 4.0;
-/// ... and once a change is under way, neither they nor the agent harder than this: otherwise it returns.
+/// Once a change is under way, neither the lag vehicle nor the agent must have to brake harder than this [m/s²], otherwise the
+/// agent returns; before, the lag vehicle no harder than firmly.
 const RETURN_DECELERATION: f64 = 6.0;
 /// The lag vehicle begins to brake after this time [s].
 const REACTION_TIME: f64 = 1.0;
@@ -36,8 +36,6 @@ const HURRY: (f64, f64) = (4.0, 12.0);
 const URGENT_TIME: f64 = 2.0;
 /// Where there is time, a plan aims at most this far to the side [m].
 const GENTLE_STEP: f64 = 2.0;
-/// A change is done this near to the middle of the new lane [m].
-const SETTLED_OFFSET: f64 = 0.4;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
@@ -164,7 +162,7 @@ impl LaneRoutes {
         let Some(there) = there.filter(|there| self.is_along(request, there)) else { return (aim, waiting) };
         let time = (need.last_chance - front(aim.s)) / velocity.max(1.0) / need.changes as f64;
         let time_gap = time_gap(time);
-        let (own, lag) = (comfort.deceleration, SAFE_DECELERATION);
+        let (own, lag) = (comfort.deceleration, FIRM_DECELERATION);
         let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !can_stop(aim.s, &need) {

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
-use crate::route::{PathPiece, Route};
+use crate::route::{FOOT_WINDOW, PathPiece, Route};
 use crate::rules::{RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 
@@ -26,11 +26,11 @@ const LANE_LANELETS_MAX: usize = 200;
 /// A lane change begins this far before the end of the stretch that both lanes share, at the latest [m]: it is the length
 /// that a change takes at walking speed.
 const CHANGE_RESERVE: f64 = 16.0;
-/// Feet are searched this far around the expected place [m].
-const FOOT_WINDOW: f64 = 25.0;
 
 /// The lane that a plan leads to is seen from its last point and its heading there, this far ahead [m].
 pub(super) const AIM_DISTANCE: f64 = 5.0;
+/// A lane change is done, and the next one may be thought of, this near to the middle of the lane [m].
+pub(super) const SETTLED_OFFSET: f64 = 0.4;
 
 /// Where an agent drives on one lane.
 #[derive(Debug, Clone, Copy)]
@@ -296,7 +296,7 @@ impl Lane {
     }
 
     fn holds(&self, lanelet: usize, s: f64) -> bool {
-        // The same place may be a little further on one path than on the other.
+        /// The same place may be this much further on one path than on the other [m].
         const SLACK: f64 = 5.0;
         [s - SLACK, s, s + SLACK].iter().any(|s| self.piece_at(*s).lanelet == lanelet)
     }

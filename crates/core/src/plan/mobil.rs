@@ -9,14 +9,13 @@
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
-use super::idm::{IdmSettings, RETURN_TIME};
-use super::lanes::{Aim, Lane, Lanes, Need};
+use super::idm::IdmSettings;
+use super::lanes::{Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Neighbours, Next};
+use super::path_motion::RETURN_TIME;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{between, positive, settings};
 
-/// An agent this near to the middle of its lane may think of another one [m].
-const SETTLED: f64 = 0.4;
 /// A change is urgent if less than this time and this length are left for each one that is missing.
 const URGENT_TIME: f64 = 15.0;
 const URGENT_LENGTH: f64 = 40.0;
@@ -138,7 +137,7 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
         neighbours.is_free() && new.is_none_or(|(with, _)| with >= -settings.safe_deceleration)
     };
     let beside = lanes.beside(aim.lane, aim.s, request.road);
-    if aim.d.abs() > SETTLED {
+    if aim.d.abs() > SETTLED_OFFSET {
         // Under way. Back only while the agent is mostly in the lane that it leaves.
         let half = 0.5 * lanes.lanes[aim.lane].width(aim.s, request.road);
         let origin = beside[usize::from(aim.d < 0.0)];
@@ -192,7 +191,7 @@ fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lan
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
     let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
-    if !is_urgent || aim.d.abs() > SETTLED {
+    if !is_urgent || aim.d.abs() > SETTLED_OFFSET {
         return None;
     }
     let nearer =

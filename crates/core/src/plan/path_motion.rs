@@ -8,6 +8,8 @@ use crate::geometry::polyline::{PathPoint, ReferencePath};
 use crate::geometry::shape::OrientedBox;
 use crate::trajectory::{State, Trajectory};
 
+/// A vehicle gives up an offset from its path within this time [s], as in an unhurried lane change.
+pub(super) const RETURN_TIME: f64 = 4.0;
 /// An offset is given up over at least this length [m], ...
 const LENGTH_MIN: f64 = 8.0;
 /// ... so that steering stays below this curvature [1/m] at low speed (a quintic's largest second derivative is 5.77

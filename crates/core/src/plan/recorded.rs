@@ -2,7 +2,7 @@
 
 use super::car_following::integrate;
 use super::frame::Start;
-use super::idm::RETURN_TIME;
+use super::path_motion::RETURN_TIME;
 use super::recorded_path::RecordedPath;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::trajectory::Trajectory;

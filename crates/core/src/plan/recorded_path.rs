@@ -1,5 +1,6 @@
 //! A recorded drive as a path with a time for every place, continued along the lane beyond its end.
 
+use super::path_motion::RETURN_TIME;
 use crate::error::{Error, Result};
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
@@ -16,8 +17,7 @@ const POINT_SPACING: f64 = 0.5;
 const EXTENSION: f64 = 300.0;
 /// ... in points this far apart [m].
 const EXTENSION_SPACING: f64 = 2.0;
-/// The last offset from the lane's centre is given up over this time at the last speed [s], at least this length [m].
-const RETURN_TIME: f64 = 4.0;
+/// The last offset from the lane's centre is given up over `RETURN_TIME` at the last speed, at least this length [m].
 const RETURN_LENGTH_MIN: f64 = 20.0;
 /// Less than this is no motion [m].
 const MOVED: f64 = 2.0;

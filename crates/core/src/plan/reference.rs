@@ -4,8 +4,8 @@
 use super::car_following::{CarFollowing, PathMotion, limited};
 use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
-use super::idm::RETURN_TIME;
 use super::lawful;
+use super::path_motion::RETURN_TIME;
 use super::{LEADER_HEADING_COSINE, Other, PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::geometry::Point;
 use crate::reference_drivers::cases::REVEALED_ASIDE;

@@ -45,8 +45,10 @@ impl LaneCandidates {
 
     /// Looks for at most `lanes_max` lanes, branches within `reach` [m] apart; their weights are not normalised.
     pub(super) fn find(&mut self, pose: Pose, reach: f64, lanes_max: usize, road: &RoadNetwork) {
+        /// Lanes farther aside than this [m], or in another direction than within this angle [rad], are not its own.
         const OFFSET_MAX: f64 = 1.0;
         const HEADING_MAX: f64 = 0.7;
+        /// Deviations that make a lane less likely by a factor of e: [m], [rad].
         const OFFSET_SCALE: f64 = 0.8;
         const HEADING_SCALE: f64 = 0.25;
         /// Lanes that fit worse than the best by this factor are left out.

@@ -2,11 +2,11 @@
 //! what it does not see.
 
 use super::gaps::{catching_up, slowed};
-use super::ledger::{COMMITTED, Ledger, Request};
+use super::ledger::{Ledger, Request};
 use super::traffic::{Ahead, Body, OrderKind};
 use super::windows::ROOM;
 use super::zones::{GAP, MARGIN, Passage, Zone};
-use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED};
+use crate::conduct::{FIRM_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::junctions::AreaKind;
 
 /// Vehicles ahead brake so hard at most [m/s²]: they rarely stop where they have just begun to move.
@@ -47,7 +47,7 @@ impl Ledger<'_> {
         let Some(end) = narrow.map(|zone| zone.exit + MARGIN).reduce(f64::max) else { return true };
         // From centre to centre: half of this vehicle and half of one like it.
         let reach = traveller.sight - self.traffic.bodies[traveller.body].length;
-        let needed = 0.5 * passage.approach * passage.approach / COMMITTED;
+        let needed = 0.5 * passage.approach * passage.approach / FIRM_DECELERATION;
         let sees_from = |front: f64| reach - (end - front) >= needed;
         let stands = self.velocity(request) < STANDSTILL_SPEED;
         stands || sees_from(traveller.front) || !sees_from(passage.entry_line - GAP - MARGIN)

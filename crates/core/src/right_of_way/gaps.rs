@@ -3,7 +3,7 @@
 use super::ledger::{Decision, Ledger, Request};
 use super::traffic::{OrderKind, Reservation, Traveller, Yielding};
 use super::windows::ROOM;
-use super::zones::{Passage, Zone};
+use super::zones::{DESIGN_WIDTH, Passage, Zone};
 use crate::junctions::AreaKind;
 
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s] at least.
@@ -11,8 +11,6 @@ const FOLLOWING: f64 = 2.0;
 const FOLLOWING_TIME: f64 = 1.0;
 /// One that comes second to a merge brakes so gently for a slower one ahead [m/s²].
 const CATCHING_UP: f64 = 2.0;
-/// Width of vehicles that do not obey [m].
-const CAR_WIDTH: f64 = 1.8;
 
 impl Ledger<'_> {
     /// Whether the windows of a request fit between the reservations of others, with time before (`lead`) and after those
@@ -71,7 +69,7 @@ impl Ledger<'_> {
     ) -> f64 {
         let other = self.traffic.of_body(theirs.body);
         let Zone { area, kind, .. } = mine.zone;
-        if !mine.zone.conflicts(traveller.width + other.map_or(CAR_WIDTH, |other| other.width)) {
+        if !mine.zone.conflicts(traveller.width + other.map_or(DESIGN_WIDTH, |other| other.width)) {
             return 0.0;
         }
         let [velocity, their_velocity] = [mine, theirs].map(|one| self.traffic.bodies[one.body].velocity);

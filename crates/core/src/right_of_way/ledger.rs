@@ -6,7 +6,7 @@
 //! Agents that see different things keep different ledgers. Docs: rules.md.
 
 use crate::barrier::Barrier;
-use crate::conduct::{COMFORTABLE_DECELERATION, CRAWLING_SPEED};
+use crate::conduct::{COMFORTABLE_DECELERATION, CRAWLING_SPEED, FIRM_DECELERATION};
 use std::collections::BTreeMap;
 
 use super::components::components;
@@ -14,8 +14,6 @@ use super::traffic::{Ahead, Memory, Order, OrderKind, Reservation, Traffic, Trav
 use super::windows::ROOM;
 use super::zones::{GAP, MARGIN, PEEK, Passage, SIGN_LEAD, Zone, reach};
 
-/// A vehicle that must brake harder than this to stop before the passage has entered it [m/s²].
-pub(super) const COMMITTED: f64 = 4.0;
 /// Tickets are taken at this distance beyond the braking distance [m].
 const TICKET_REACH: f64 = 5.0;
 /// An agent that was granted passage and is this near beyond the braking distance [m] keeps it, with gaps that are smaller by
@@ -249,7 +247,8 @@ impl<'a> Ledger<'a> {
             let peeks = if traveller.unseen.is_empty() { 0.0 } else { MARGIN };
             let ahead = passage.entry_line + peeks - traveller.front;
             let memory = traveller.memory_of(passage.number);
-            if body.velocity * body.velocity < 2.0 * COMMITTED * ahead {
+            // One that must brake harder to stop before it has entered it.
+            if body.velocity * body.velocity < 2.0 * FIRM_DECELERATION * ahead {
                 let is_near = ahead <= reach(body.velocity);
                 // Behind a line or a crosswalk that holds it there is time to ask.
                 if is_near && traveller.line > passage.end && traveller.crosswalk > passage.entry_line {

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use crate::junctions::{Area, AreaKind, Junctions};
 use crate::road::RoadNetwork;
-use crate::route::{PathPiece, Route};
+use crate::route::{FOOT_WINDOW, PathPiece, Route};
 use crate::rules::SpeedLimits;
 use crate::vehicle::Vehicle;
 
-/// The areas are made for vehicles of this width [m].
+/// Width of a car [m]: areas are made for it, and vehicles of unknown width are taken to have it.
 pub const DESIGN_WIDTH: f64 = 1.8;
 /// Vehicles that meet need this more than their widths [m].
 const MEETING_MARGIN: f64 = 0.4;
@@ -24,11 +24,9 @@ pub(super) const GAP: f64 = 0.5;
 pub(super) const PEEK: f64 = GAP - 0.1;
 /// The path runs along a lanelet if it is within this distance of its middle [m].
 const ASIDE_MAX: f64 = 1.5;
-/// A lanelet is found this far around where it is expected [m].
-const WINDOW: f64 = 25.0;
 /// Where no speed limit is known, no vehicle is expected to be faster in a junction than this, unless it is already [m/s].
 pub const SPEED_MAX: f64 = 15.0;
-/// Lateral acceleration in bends, if the vehicle can [m/s²]: that of the planners' defaults.
+/// Lateral acceleration in bends, if the vehicle can [m/s²]: what agents do not exceed, so none arrives earlier than expected.
 const LATERAL: f64 = 4.0;
 /// More than the usual gaps before areas where a sign says so [s].
 pub(super) const SIGN_LEAD: f64 = 0.5;
@@ -152,7 +150,7 @@ impl Course {
                 let area = &junctions.areas[index];
                 let stretch = area.sides[side];
                 let middle = 0.5 * (stretch.entry + stretch.exit);
-                let foot = path.project_near(lanelet.center.at(middle), piece.start + scale * middle, WINDOW);
+                let foot = path.project_near(lanelet.center.at(middle), piece.start + scale * middle, FOOT_WINDOW);
                 let (first, last) = (piece.start + scale * stretch.entry, piece.start + scale * stretch.exit);
                 let is_there = match piece.is_cut() {
                     true => first < piece.to && last > piece.from,

@@ -83,6 +83,7 @@ impl Grid {
     /// to lie on either side of it.
     #[inline]
     pub(super) fn visit_row(&self, first: Point, step: Point, n: usize, mut visit: impl FnMut(usize, usize)) {
+        /// One cell in fixed point; points farther away are not visited [cells].
         const ONE: f64 = (1_i64 << 32) as f64;
         const FAR: f64 = (1_i64 << 24) as f64;
         let (local, step) = ((first - self.origin) * self.inverse_size, step * self.inverse_size);

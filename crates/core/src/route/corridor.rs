@@ -1,7 +1,7 @@
 //! The points of a path: lane centres, joined by blends where the lane changes.
 
 use super::search::{GoalPlace, Step};
-use super::{RoadNetwork, RouteSettings};
+use super::{FOOT_WINDOW, RoadNetwork, RouteSettings};
 use crate::geometry::Point;
 use crate::geometry::polyline::Polyline;
 use crate::limits::LANELET_CHAIN_MAX;
@@ -10,8 +10,6 @@ use crate::limits::LANELET_CHAIN_MAX;
 const BLEND_SPACING: f64 = 1.0;
 /// Blends shorter than this [m] are too abrupt: rather leave the shared stretch a little late.
 const BLEND_LENGTH_MIN: f64 = 8.0;
-/// A blend's foot on the other lane lies at most this far [m] from where it is expected.
-const FOOT_WINDOW: f64 = 25.0;
 
 /// Points of a path, and where on it start and goal are.
 #[derive(Debug)]

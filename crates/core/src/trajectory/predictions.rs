@@ -198,6 +198,7 @@ impl Predictions {
     /// not a number, a covariance that is not positive definite, probabilities that do not add up to 1 although a mode
     /// is valid.
     pub fn validate(&self) -> Result<()> {
+        /// Probabilities add up to 1 within this: they may come from single precision.
         const TOLERANCE: f64 = 1e-6;
         if !self.ids.is_sorted_by(|a, b| a < b) {
             return Err(Error::invalid("predictions: ids must be unique and ascending"));

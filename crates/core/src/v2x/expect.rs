@@ -15,7 +15,7 @@ use crate::barrier::Barrier;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
-use crate::predict::{told as write_told, write};
+use crate::predict::{STATIONARY_VARIANCE, told as write_told, write};
 use crate::road::RoadNetwork;
 use crate::scene::{Scene, ViewLimits};
 use crate::trajectory::{Predictions, State};
@@ -35,8 +35,6 @@ const SHORTEST_PLAN: f64 = 1.0;
 const SPEED_DEVIATION: f64 = 2.0;
 /// The distance between an agent in sight and its plan fades within this time [s].
 const FADING_TIME: f64 = 1.0;
-/// Variance of the position of something that stands [m²].
-const STANDING_VARIANCE: f64 = 0.02;
 
 /// A participant as an additional row describes it.
 #[derive(Debug, Clone, PartialEq)]
@@ -301,7 +299,7 @@ impl Network {
             has_stood &= velocity.abs() < STANDSTILL_SPEED;
             let left = (1.0 - ahead / FADING_TIME).max(0.0);
             let (along, across) = if has_stood {
-                (STANDING_VARIANCE, STANDING_VARIANCE)
+                (STATIONARY_VARIANCE, STATIONARY_VARIANCE)
             } else {
                 let variance = |rate: f64| settings.plan_sigma.powi(2) + (rate * t).powi(2);
                 (variance(settings.plan_along), variance(settings.plan_across))

@@ -380,6 +380,7 @@ impl Drive {
 
     /// Updates the arc length on the reference path.
     fn follow_path(&mut self, state: &State, dt: f64) {
+        /// The foot is searched within this distance of the last one [m], or two steps.
         const WINDOW: f64 = 15.0;
         let rear_axle = self.agent.vehicle.rear_axle_from_center(state.pose());
         let path = &self.agent.route.path;

@@ -3,7 +3,7 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::COMFORTABLE_DECELERATION;
+use crate::conduct::{COMFORTABLE_DECELERATION, FIRM_DECELERATION};
 use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
@@ -14,8 +14,6 @@ use crate::vehicle::ParticipantKind;
 
 /// Past steps from which the speed of people is observed.
 const PAST: usize = 3;
-/// An agent that began to stop goes on with it, up to this deceleration [m/s²]: brakes need a moment.
-const STOPPING: f64 = 4.0;
 
 impl World {
     /// The crosswalk before which an agent has to wait.
@@ -105,7 +103,9 @@ impl World {
     ) -> Option<(i64, usize, Barrier)> {
         let (velocity, front) = (self.speed(drive), drive.front());
         let mut found = self.crosswalks_near(drive).filter_map(|(place, crosswalk)| {
-            let deceleration = if drive.crosswalk == Some(place) { STOPPING } else { COMFORTABLE_DECELERATION };
+            // An agent that began to stop goes on with it: brakes need a moment.
+            let deceleration =
+                if drive.crosswalk == Some(place) { FIRM_DECELERATION } else { COMFORTABLE_DECELERATION };
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
             }

@@ -1,13 +1,13 @@
 //! The end of a world in which nothing moves any more.
 
 use super::{Drive, World};
+use crate::conduct::REST_SPEED;
 use crate::geometry::Point;
 use crate::recording::OutcomeKind;
 use crate::scenario::Scenario;
 
-/// An agent stands while it is slower than this [m/s] ...
-const STANDING_SPEED: f64 = 0.05;
-/// ... and no further than this from where it came to stand [m]: an agent that creeps to its goal does not stand.
+/// An agent stands while it is at rest and no further than this from where it came to stand [m]: an agent that creeps to its
+/// goal does not stand.
 const STANDING_DISTANCE: f64 = 0.1;
 
 /// Where an agent stands, and since which time step.
@@ -43,7 +43,7 @@ impl World {
             };
             let at = state.pose().position;
             let stands =
-                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < STANDING_SPEED;
+                |stand: &Stand| stand.at.distance(at) <= STANDING_DISTANCE && state.velocity.abs() < REST_SPEED;
             let stand = drive.stand.filter(stands).unwrap_or(Stand { at, since: time_step });
             drive.stand = Some(stand);
             let goal = &drive.agent.goal;

@@ -6,13 +6,12 @@ use crate::control::Signal;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::junctions::{AreaKind, Side};
-use crate::right_of_way::{Body, SPEED_MAX, Zone, reach};
+use crate::right_of_way::{Body, DESIGN_WIDTH, SPEED_MAX, Zone, reach};
 use crate::scene::Scene;
 use crate::vehicle::ParticipantKind;
 
-/// A vehicle that is not seen is taken to be as large as a car [m].
+/// A vehicle that is not seen is taken to be as long as a car [m], and as wide (`DESIGN_WIDTH`).
 const HIDDEN_LENGTH: f64 = 4.5;
-const HIDDEN_WIDTH: f64 = 1.8;
 /// Largest time at the speed limit within which hidden vehicles matter [s], and spacing of examined places [m].
 const TIME_MAX: f64 = 10.0;
 const LOOK_STEP: f64 = 2.0;
@@ -70,7 +69,7 @@ impl World {
                 self.look_back(area, found.sides[1 - side], &look, &mut places);
             }
         }
-        let car = Shape::rectangle(HIDDEN_LENGTH, HIDDEN_WIDTH);
+        let car = Shape::rectangle(HIDDEN_LENGTH, DESIGN_WIDTH);
         let all: Vec<_> = places.iter().map(|place| (&car, place.pose, false)).collect();
         let is_seen = scene.would_see(drive.row, view, &all, &may_hide);
         let mut earliest: Vec<(usize, f64)> = Vec::new();

@@ -411,6 +411,7 @@ impl Episode {
     /// 1 - gap / (1.5 s times speed) to the nearest participant seen ahead whose footprint overlaps the own width along
     /// the path; 0 where that is negative, or there is none.
     fn headway(&self, driver: &Driver<'_>, state: &State) -> f64 {
+        /// A smaller time gap costs [s].
         const TIME: f64 = 1.5;
         let (path, vehicle) = (&driver.agent.route.path, &driver.agent.vehicle);
         let reach = TIME * state.velocity;

@@ -408,6 +408,7 @@ fn between(a: &Knot, b: &Knot, along: f64, (spacing, inverse_spacing): (f64, f64
 /// Sine and cosine of the turn within one knot spacing, at most 0.25 rad (error below 1e-12).
 #[inline(always)]
 fn sin_cos_small(angle: f64) -> (f64, f64) {
+    /// Taylor coefficients.
     const SIN: [f64; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
     const COS: [f64; 5] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40_320.0, -1.0 / 3_628_800.0];
     let a2 = angle * angle;

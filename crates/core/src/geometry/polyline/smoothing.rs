@@ -68,6 +68,7 @@ struct Smoother {
 impl Smoother {
     /// For at least two points; the first and the last have a larger say than the others.
     fn new(n: usize, stiffness: f64) -> Self {
+        /// Weights of four neighbours in the third difference, whose square is made small.
         const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
         // band[i][k] = entry (i, i - k)
         let mut band = vec![[1.0, 0.0, 0.0, 0.0]; n];

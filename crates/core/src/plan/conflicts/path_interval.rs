@@ -136,6 +136,7 @@ pub(super) struct Region {
 
 impl Region {
     pub(super) fn new(ego: &Ego) -> Self {
+        /// Distance of the places on the path that are looked at [m]; the box is widened by what lies between.
         const SPACING: f64 = 5.0;
         let n = ego.path.steps_from(ego.s, SPACING, (ego.reach / SPACING).ceil());
         let here = ego.path.at(ego.s);

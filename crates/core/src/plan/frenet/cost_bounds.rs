@@ -10,6 +10,7 @@ use super::velocity_keeping_profiles::{CoarseSpeeds, SIMD_POINTS};
 use crate::geometry::polyline::ReferencePath;
 use crate::simd::multiversion;
 
+/// Rounding of speeds as a share of the speeds that they are made of: some 30 roundings in single precision.
 const SPEED_ROUNDING: f64 = 2e-6;
 /// Of one operation in single precision, and operations that a term of a sum goes through.
 const ROUNDING: f64 = 6e-8;

@@ -22,7 +22,7 @@ pub(super) const ARC_MIN: f64 = 5.0;
 /// or want: on a shorter way they could not become faster, on a longer one they would stay beside the path.
 const TURNING_SPEED: f64 = 0.8;
 /// Speeds above minus this [m/s] count as 0.
-const ROUNDING: f64 = 1e-3;
+pub(super) const ROUNDING: f64 = 1e-3;
 /// Decelerations of the braking profiles as fractions of the largest one.
 const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
@@ -439,6 +439,7 @@ fn not_negative(speeds: &mut [f64]) {
 
 /// 1.1 s, 1.4 s, ... and the horizon; the steps depend on the level.
 fn end_times(settings: &FrenetSettings, out: &mut Vec<f64>) {
+    /// By level [s]; 0.3 s is that of the published planner.
     const STEPS: [f64; 5] = [1.0, 0.5, 0.3, 0.2, 0.2];
     let step = STEPS[settings.level.min(4)];
     out.extend((0..).map(|k| settings.t_min + f64::from(k) * step).take_while(|t| *t < settings.horizon - 1e-6));
@@ -488,6 +489,7 @@ fn end_velocities(start: &Start, desired: f64, limits: &Limits, settings: &Frene
 
 /// Natural time of a stop: distance over speed, or for a slow agent that of a gentle move from rest to rest.
 fn stop_time_scale(distance: f64, s_dot: f64) -> f64 {
+    /// Largest acceleration of that move [m/s²].
     const GENTLE: f64 = 1.5;
     // A quintic from rest to rest reaches 5.77 distance / time² in acceleration.
     let from_rest = (5.77 * distance / GENTLE).sqrt() / STOP_TIMES[1];

@@ -171,6 +171,7 @@ impl LateralTables {
 /// Arc length [m], `least` or more, over which a quintic from (d, d', d'') comes to rest at 0 with a third derivative of
 /// at most `rate` [1/m²] at its start and end; at most 60 m are tried.
 pub(super) fn turning_length([d, d_1, d_2]: [f64; 3], rate: f64, least: f64) -> f64 {
+    /// Factor from one length that is tried to the next, and the longest one [m].
     const STEP: f64 = 1.1;
     const LENGTH_MAX: f64 = 60.0;
     let mut length = least;

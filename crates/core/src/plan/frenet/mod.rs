@@ -42,7 +42,7 @@ use crate::trajectory::{State, Trajectory};
 use cost::TableCosts;
 use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
-use grid::{ARC_MIN, Inputs, SampleGrid};
+use grid::{Inputs, SampleGrid};
 use obstacles::Obstacles;
 use targets::Targets;
 

@@ -18,13 +18,11 @@ use super::grid::SampleGrid;
 use super::settings::FrenetSettings;
 use crate::geometry::shape::{ConvexPart, OrientedBox};
 use crate::geometry::{Point, Pose};
+use crate::predict::STATIONARY_VARIANCE;
 use collision_probability::{COST_REACH, PredictedFootprints, PredictedMode};
 use poses::{Poses, PredictedSteps};
 use reach::Reach;
 use swept_boxes::SweptBoxes;
-
-/// Variance of the position of static obstacles [m²].
-const STATIC_VARIANCE: f64 = 0.02;
 
 /// One mode of one participant, or one part of a static structure.
 #[derive(Debug, Clone, Copy)]
@@ -177,7 +175,7 @@ impl Obstacles {
         }
         let body = other.shape.oriented_box(other.pose);
         self.poses.stand(stride, &body, origin);
-        let covariance = [STATIC_VARIANCE, 0.0, STATIC_VARIANCE];
+        let covariance = [STATIONARY_VARIANCE, 0.0, STATIONARY_VARIANCE];
         let source = PredictedMode { covariance, ..PredictedMode::new(body, settings) };
         self.predicted_footprints.push(source, &self.poses, &self.reach, request.predictions);
     }

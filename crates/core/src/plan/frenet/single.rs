@@ -6,7 +6,8 @@ use super::super::emergency_braking::last_resort;
 use super::super::frame::{FrenetPoint, Start, Waypoint};
 use super::super::polynomial::Polynomial;
 use super::feasibility::{Limits, Rejection};
-use super::{ARC_MIN, knows_yaw_rate};
+use super::grid::{ARC_MIN, ROUNDING};
+use super::knows_yaw_rate;
 use crate::error::{Error, Result};
 use crate::settings::{positive, settings};
 use crate::trajectory::State;
@@ -39,9 +40,6 @@ fn ends_within_horizon(settings: &FrenetTarget) -> Result<()> {
     let message = format!("must be positive and at most {horizon}, not {t_min:?}");
     Err(Error::Setting { name: "t_min".into(), message })
 }
-
-/// Speeds above minus this [m/s] count as 0.
-const ROUNDING: f64 = 1e-3;
 
 /// Where a sample ends.
 #[derive(Debug, Clone, Copy)]

@@ -18,8 +18,6 @@ const CURVE_REACH: f64 = 250.0;
 const CORRIDOR_MARGIN: f64 = 0.3;
 /// Reaction time of the safe speed before stop lines and the mouths of junctions [s]; that behind leaders is a setting.
 const LINE_REACTION: f64 = 1.0;
-/// Agents look for a higher speed limit so far ahead [s].
-const LIMIT_AHEAD: f64 = 1.0;
 /// One that is faster than the limit aims below it by this share of the excess, at most by so much [m/s], so that it does
 /// not only approach it.
 const EXCESS_SHARE: f64 = 0.5;
@@ -28,6 +26,10 @@ const BELOW_MAX: f64 = 1.0;
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
 const STOP_TIME: f64 = 2.0;
+/// The path is examined in steps of so many knots, about 2 m; in between it bulges by less than this at the tightest radius of
+/// 2 m [m].
+pub(super) const KNOTS: usize = 4;
+pub(super) const BULGE: f64 = 0.25;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -83,7 +85,7 @@ impl Targets {
         let step = comfort.velocity_step;
         let elsewhere = goal_velocity.min(start.velocity + step).min(vehicle.velocity_max).min(following).max(0.0);
         let limits = &request.rules.way.limits;
-        let limit = limits.at(middle).max(limits.at(middle + LIMIT_AHEAD * start.velocity));
+        let limit = limits.at(middle).max(limits.at(middle + LOOK_AHEAD * start.velocity));
         let excess = (start.velocity - limit).max(0.0);
         let velocity = path_velocity(
             request,
@@ -126,9 +128,6 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// The path is examined in steps of so many knots, about 2 m; in between it bulges by less than this [m].
-    const KNOTS: usize = 4;
-    const BULGE: f64 = 0.25;
     /// Larger participants are always examined more closely [m].
     const RADIUS_MAX: f64 = 15.0;
 
@@ -146,10 +145,10 @@ impl Stretch {
         let mut next = knot(start.s + vehicle.rear_axle_to_center).saturating_sub(2);
         let mut region = Aabb::around([local(next)]);
         while next < last {
-            next = (next + Self::KNOTS).min(last);
+            next = (next + KNOTS).min(last);
             region = region.including(local(next));
         }
-        let margin = Self::BULGE + start.d.abs() + 0.5 * vehicle.width + CORRIDOR_MARGIN + ROUNDING;
+        let margin = BULGE + start.d.abs() + 0.5 * vehicle.width + CORRIDOR_MARGIN + ROUNDING;
         Self { origin, axis, region: region.grown(margin) }
     }
 

@@ -1,12 +1,10 @@
 //! The geometry of a candidate path: poses along it, path coordinates of points, crossings.
 
-use super::index::{Candidates, Index, STRIDE};
+use super::index::{Candidates, Index, ROUNDING, STRIDE};
 use crate::geometry::Point;
 
 /// Paths begin this far behind the vehicle [m].
 pub(super) const BEHIND: f64 = 50.0;
-/// More than any rounding of a distance [m].
-const ROUNDING: f64 = 1e-6;
 
 /// A path on which a vehicle may go on.
 #[derive(Debug, Clone)]
@@ -145,6 +143,7 @@ impl CandidatePath {
     /// lengths; `None` if there is none: the point lies beyond the centre of a bend.
     pub fn foot(&self, point: Point, from: f64, to: f64) -> Option<(f64, f64)> {
         const ITERATIONS: usize = 8;
+        /// A step of the iteration that is shorter than this ends it [m].
         const TOLERANCE: f64 = 1e-6;
         let (mut s, mut nearest) = (f64::NAN, f64::INFINITY);
         for i in self.segment_at(from)..=self.segment_at(to) {

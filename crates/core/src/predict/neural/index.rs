@@ -9,8 +9,8 @@ pub(super) const STRIDE: usize = 16;
 const LANES: usize = 4;
 /// Stretches that have a bit in a mask; those behind are always examined.
 const BITS: usize = 64;
-/// More than any rounding [m].
-const ROUNDING: f64 = 1e-6;
+/// More than any rounding of a distance [m].
+pub(super) const ROUNDING: f64 = 1e-6;
 
 /// Four stretches: start, chord, reciprocal of its length squared (0: no chord), and how far the knots are from it at most.
 #[derive(Debug, Clone, Copy)]

@@ -295,6 +295,7 @@ fn cells_at(
     predictions: &Predictions,
 ) -> bool {
     let (slot, lane) = (out.sources.len() / GROUP, out.sources.len() % GROUP);
+    /// [m]
     const REACH: f32 = COST_REACH as f32 + ROUNDING;
     let [ahead_x, ahead_y] = reach.axis();
     let mut is_expected = false;

@@ -1,16 +1,15 @@
 //! Contacts of a sample with obstacles, and which of them are not the agent's to avoid.
 
 use super::{Obstacle, Obstacles, SweptInterval};
+use crate::conduct::FIRM_DECELERATION;
 use crate::geometry::shape::OrientedBox;
 use crate::plan::frame::Waypoint;
 use crate::plan::{Other, PlanRequest};
 
 /// A follower keeps the distance while the agent stays this close to its lateral position [m].
 const OWN_LANE: f64 = 1.0;
-/// A participant faster than this [m/s] is expected to yield ...
+/// A participant faster than this [m/s] is expected to yield if firm braking from now on stops it before the contact.
 const YIELDING_SPEED: f64 = 0.2;
-/// ... if this deceleration [m/s²] from now on stops it before the contact.
-const YIELDING_DECELERATION: f64 = 4.0;
 /// A follower heads within 45 degrees of the agent (cosine).
 const FOLLOWER_COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
@@ -104,7 +103,7 @@ fn must_yield(ego: &OrientedBox, swept: &SweptInterval, dt: f64, time: f64) -> b
     let front = swept.end.center + swept.end.axis * swept.end.half_length;
     let speed = swept.displacement.dot(swept.end.axis) / dt;
     let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
-    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * YIELDING_DECELERATION * time
+    is_behind && speed > YIELDING_SPEED && speed <= 2.0 * FIRM_DECELERATION * time
 }
 
 /// A pair that overlapped at the start still does at the end of the interval, has done so ever since, and the centres

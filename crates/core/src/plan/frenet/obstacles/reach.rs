@@ -1,6 +1,7 @@
 //! Where the agent's footprint can get; participants that stay away from there are skipped.
 
 use super::super::grid::SampleGrid;
+use super::super::targets::{BULGE, KNOTS};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Aabb, Point, Pose};
 use crate::plan::PlanRequest;
@@ -8,9 +9,6 @@ use crate::plan::frame::Start;
 
 /// Numbers in single precision that are worked on at once.
 pub(super) const GROUP: usize = 8;
-/// Knots per step along the path, about 2 m, and the bulge of the path in between at the tightest radius of 2 m [m].
-const KNOTS: usize = 4;
-const BULGE: f64 = 0.25;
 /// How much further than the samples the agent is taken to get along the path [m].
 const LEAD: f64 = 2.0;
 /// More than boxes of bodies are off by in single precision within 4 km of the origin [m].

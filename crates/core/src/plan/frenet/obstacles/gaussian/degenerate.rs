@@ -17,6 +17,7 @@ const N: usize = 7;
 /// `SERIES[n][m]` belongs to the power n of t and m of h k; exp(-h k / 2) is left out.
 const SERIES: [[f32; N]; N] = series();
 
+/// Root of 2 pi.
 const SQRT_TAU: f32 = 2.506_628_3;
 /// Sides end here: the rest is below 1e-9.
 const END: f32 = 6.0;
