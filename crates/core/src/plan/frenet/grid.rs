@@ -11,7 +11,7 @@ use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion, turning_l
 use super::profiles::{LongitudinalProfile, PathPoints, ProfileCurve, ProfilePoints};
 use super::settings::FrenetSettings;
 use super::targets::Targets;
-use super::velocity_keeping_profiles::{CoarseSpeeds, N_MOTION, ProfileCheck, SIMD_POINTS, VelocityKeepingProfiles};
+use super::velocity_keeping_profiles::{CoarseSpeeds, N_MOTION, SIMD_POINTS, VelocityKeepingProfiles};
 use crate::barrier::Barriers;
 use crate::geometry::polyline::ReferencePath;
 
@@ -23,6 +23,8 @@ pub(super) const ARC_MIN: f64 = 5.0;
 const TURNING_SPEED: f64 = 0.8;
 /// Speeds above minus this [m/s] count as 0.
 pub(super) const ROUNDING: f64 = 1e-3;
+/// Motions that stay away from the ends of the path by this are surely on it [m]: speeds that count as 0 may be negative.
+const PATH_END: f64 = 0.1;
 /// Decelerations of the braking profiles as fractions of the largest one.
 const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
@@ -67,8 +69,6 @@ pub(super) struct SampleGrid {
     path: Vec<f64>,
     end_times: Vec<f64>,
     velocities: Vec<f64>,
-    /// Of the family at hand, by end speed.
-    checks: Vec<ProfileCheck>,
     /// Of the profile at hand.
     along: Vec<f64>,
     jerks: Vec<f64>,
@@ -82,7 +82,7 @@ pub(super) struct SampleGrid {
 impl SampleGrid {
     /// All motions along the path, and the shared lateral motions.
     pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, targets, limits, settings, path, .. } = *inputs;
+        let Inputs { start, targets, limits, settings, .. } = *inputs;
         self.dt = limits.dt;
         self.n_points = limits.n_points;
         self.stride = limits.n_points.next_multiple_of(SIMD_POINTS);
@@ -116,12 +116,9 @@ impl SampleGrid {
             let end_time = self.end_times[t];
             let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.end_offsets);
             let family = self.velocity_keeping.push(from, end_time, &self.times);
-            let ends = [self.velocities[0], self.velocities[self.velocities.len() - 1]];
-            let stays = self.velocity_keeping.stays_within(family, ends, path.length());
             let mut fastest = None;
-            self.check_members(family, &along);
             for v in 0..self.velocities.len() {
-                if self.push_member((family, table, stays), end_time, v, inputs) {
+                if self.push_member((family, table), end_time, self.velocities[v], &along, inputs) {
                     fastest = Some(self.velocities[v]);
                 }
             }
@@ -141,40 +138,17 @@ impl SampleGrid {
         }
     }
 
-    /// Looks at the motions of a family, slow ones first, with as few looks as that takes: a motion between two that
-    /// surely hold the limits does so, too, as speed and acceleration are linear in the end speed and their product is
-    /// convex in it; and what is faster than a motion that is not slow is not slow.
-    fn check_members(&mut self, family: usize, along: &LongitudinalLimits) {
-        let look = |v: f64| self.velocity_keeping.check(family, v, along);
-        let n = self.velocities.len();
-        self.checks.clear();
-        self.checks.resize(n, ProfileCheck { is_doubtful: false, is_slow: false });
-        let mut last = n;
-        while last > 0 {
-            last -= 1;
-            self.checks[last] = look(self.velocities[last]);
-            if !self.checks[last].is_doubtful {
-                break;
-            }
-        }
-        for v in 0..last {
-            self.checks[v] = look(self.velocities[v]);
-            if !self.checks[v].is_doubtful && !self.checks[v].is_slow {
-                break;
-            }
-        }
-    }
-
     /// Adds the profile of a family that ends at a speed; says whether it is admissible.
     fn push_member(
         &mut self,
-        (family, table, stays): (usize, usize, bool),
+        (family, table): (usize, usize),
         end_time: f64,
-        velocity: usize,
+        end_velocity: f64,
+        along: &LongitudinalLimits,
         inputs: &Inputs,
     ) -> bool {
-        let Inputs { start, limits, settings, .. } = *inputs;
-        let (end_velocity, found) = (self.velocities[velocity], self.checks[velocity]);
+        let Inputs { start, limits, settings, path, .. } = *inputs;
+        let found = self.velocity_keeping.check(family, end_velocity, along);
         let s = Polynomial::to_slope([start.s, start.s_dot, start.s_ddot], end_velocity, end_time);
         let is_slow = found.is_slow || start.velocity < settings.low_velocity;
         self.profiles.push(LongitudinalProfile {
@@ -195,6 +169,7 @@ impl SampleGrid {
             self.profiles.last_mut().expect("it was pushed").rejection = Rejection::StopLine;
             return false;
         }
+        let stays = start.s >= PATH_END && place(limits.horizon()) <= path.length() - PATH_END;
         if stays && !found.is_doubtful {
             return true;
         }

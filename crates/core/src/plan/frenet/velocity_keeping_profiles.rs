@@ -74,12 +74,6 @@ impl VelocityKeepingProfiles {
         rest[point] + end_velocity * rise[point]
     }
 
-    /// Motions with end speeds between these two stay between arc lengths of 0 and `length`.
-    pub(super) fn stays_within(&self, family: usize, end_velocities: [f64; 2], length: f64) -> bool {
-        let (rest, rise) = self.parts(family);
-        leaves(&rest[..self.stride], &rise[..self.stride], end_velocities, length) == 0
-    }
-
     /// Raises arc lengths to those of a motion.
     pub(super) fn raise(&self, family: usize, end_velocity: f64, furthest: &mut [f64]) {
         let (rest, rise) = self.parts(family);
@@ -166,23 +160,6 @@ fn raise_all(rest: &[f64], rise: &[f64], factor: f64, out: &mut [f64]) {
 }
 
 multiversion! {
-    /// Not 0 if a sum with the first factor is negative or one with the second is above `length`.
-    fn leaves = leaving, (rest: &[f64], rise: &[f64], factors: [f64; 2], length: f64) -> u64
-}
-
-#[inline(always)]
-fn leaving(rest: &[f64], rise: &[f64], [low, high]: [f64; 2], length: f64) -> u64 {
-    let n = rest.len();
-    let rise = &rise[..n];
-    let mut found = 0;
-    for i in 0..n {
-        let stays = (rest[i] + low * rise[i] >= 0.0) & (rest[i] + high * rise[i] <= length);
-        found |= u64::from(!stays);
-    }
-    found
-}
-
-multiversion! {
     fn checked = check_at, (coarse: &[f32], end_velocity: f32, limits: &LongitudinalLimits) -> ProfileCheck
 }
 
@@ -231,9 +208,6 @@ mod tests {
                 assert_eq!(profiles.arc_length(family, end_velocity, i), motion[i]);
             }
             assert_eq!(motion[0], from[0]);
-            let furthest = motion[31];
-            assert!(profiles.stays_within(family, [end_velocity; 2], furthest + 5.0) || from[0] < 5.0);
-            assert!(!profiles.stays_within(family, [end_velocity; 2], furthest - 0.1));
         }
     }
 }
