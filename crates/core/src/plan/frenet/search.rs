@@ -2,19 +2,15 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
-use std::ops::Range;
 
 /// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order: one
 /// number holds both, so that entries are compared quickly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Entry(
     /// The bound, so that larger ones have larger bits; the index of the sample, or of the group's first sample; the
-    /// number of the group plus 1, or of the run whose next sample follows this one with `FOLLOWED`, or 0.
+    /// number of the group plus 1, or 0.
     u128,
 );
-
-/// Another sample follows this one in the queue when its turn has come.
-const FOLLOWED: u32 = 1 << 31;
 
 impl Entry {
     pub(super) fn sample(bound: f64, index: usize) -> Self {
@@ -44,20 +40,7 @@ impl Entry {
 
     #[inline]
     fn group_number(self) -> Option<usize> {
-        let number = self.0 as u32;
-        (number & FOLLOWED == 0).then(|| (number as usize).checked_sub(1)).flatten()
-    }
-
-    #[inline]
-    fn run(self) -> Option<usize> {
-        let number = self.0 as u32;
-        (number & FOLLOWED != 0).then_some((number & !FOLLOWED) as usize)
-    }
-
-    /// The same sample, followed by that of a run or by none.
-    #[inline]
-    fn followed_by(self, run: Option<usize>) -> Self {
-        Self(self.0 >> 32 << 32 | run.map_or(0, |run| u128::from(FOLLOWED | run as u32)))
+        (self.0 as u32 as usize).checked_sub(1)
     }
 
     /// The same with another bound.
@@ -93,48 +76,15 @@ pub(super) trait SearchSpace {
     fn refine(&mut self, sample: usize) -> Refined;
 }
 
-/// Queue and memory of `best_first`.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Queue {
-    entries: BinaryHeap<Reverse<Entry>>,
-    /// Samples of the groups that were opened, and which of them (a run per group) are not in the queue yet.
-    opened: Vec<Entry>,
-    runs: Vec<Range<usize>>,
-}
-
-impl Queue {
-    /// Queues the best sample of a run that is not queued yet.
-    fn push_next(&mut self, run: usize) {
-        let rest = &mut self.opened[self.runs[run].clone()];
-        let Some(best) = (0..rest.len()).min_by_key(|i| rest[*i]) else { return };
-        rest.swap(0, best);
-        let is_last = rest.len() == 1;
-        self.entries.push(Reverse(rest[0].followed_by((!is_last).then_some(run))));
-        self.runs[run].start += 1;
-    }
-
-    /// Opens a group whose samples have these bounds and whose first sample has this index. One sample at a time is
-    /// queued, as most of them never get their turn.
-    fn push_group(&mut self, first: usize, bounds: impl Iterator<Item = f64>) {
-        let start = self.opened.len();
-        for (i, bound) in bounds.enumerate() {
-            if bound.is_finite() {
-                self.opened.push(Entry::sample(bound, first + i));
-            }
-        }
-        self.runs.push(start..self.opened.len());
-        self.push_next(self.runs.len() - 1);
-    }
-}
+/// What is still to be examined, the smallest entry first.
+pub(super) type Queue = BinaryHeap<Reverse<Entry>>;
 
 /// Begins a search anew.
 pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
-    let mut memory = std::mem::take(&mut queue.entries).into_vec();
+    let mut memory = std::mem::take(queue).into_vec();
     memory.clear();
     memory.extend(entries.filter(|entry| entry.bound() < f64::INFINITY).map(Reverse));
-    queue.entries = BinaryHeap::from(memory);
-    queue.opened.clear();
-    queue.runs.clear();
+    *queue = BinaryHeap::from(memory);
 }
 
 /// The admissible sample with the smallest (cost, index) and its cost. What the queue was started with are lower bounds
@@ -143,15 +93,12 @@ pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
 /// A sample is only returned when it is complete and the (bound, index) of all others is larger. As no cost is below its
 /// bound, the result is that of `exhaustive`.
 pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
-    while let Some(Reverse(mut entry)) = queue.entries.pop() {
+    while let Some(Reverse(mut entry)) = queue.pop() {
         let index = entry.index();
         if let Some(group) = entry.group_number() {
-            queue.push_group(index, search.open(group));
+            let samples = search.open(group).enumerate().filter(|(_, bound)| bound.is_finite());
+            queue.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
             continue;
-        }
-        if let Some(run) = entry.run() {
-            queue.push_next(run);
-            entry = entry.followed_by(None);
         }
         loop {
             match search.refine(index) {
@@ -159,13 +106,13 @@ pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Op
                 Refined::Bound(bound) => entry = entry.with(bound),
                 Refined::Cost(cost) => {
                     entry = entry.with(cost);
-                    if queue.entries.peek().is_none_or(|Reverse(next)| entry < *next) {
+                    if queue.peek().is_none_or(|Reverse(next)| entry < *next) {
                         return Some((index, cost));
                     }
                 }
             }
-            if queue.entries.peek().is_some_and(|Reverse(next)| *next < entry) {
-                queue.entries.push(Reverse(entry));
+            if queue.peek().is_some_and(|Reverse(next)| *next < entry) {
+                queue.push(Reverse(entry));
                 break;
             }
         }
@@ -176,7 +123,7 @@ pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Op
 /// The same by evaluating every sample to its end.
 pub(super) fn exhaustive(queue: &Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
     let mut best: Option<(usize, f64)> = None;
-    let mut entries: Vec<Entry> = queue.entries.iter().map(|Reverse(entry)| *entry).collect();
+    let mut entries: Vec<Entry> = queue.iter().map(|Reverse(entry)| *entry).collect();
     entries.sort_unstable_by_key(|entry| entry.index());
     for entry in entries {
         let (bound, index, group) = (entry.bound(), entry.index(), entry.group_number());
