@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from drivers import Straight
 
 import interdrive as idr
+from interdrive.alks import worlds
 from interdrive.cli import main
 from interdrive.panel import counterfactual
 from interdrive.scoring import preventability
@@ -120,3 +121,26 @@ def test_the_command_prints_the_table_and_stores_it(tmp_path):
     assert table.column("preventable_cc").to_pylist() == [True]
     assert table.column("impact_speed_cc").to_pylist() == [None]
     idr.load(folder)
+
+
+def test_the_careful_driver_has_no_collision_that_it_would_have_avoided():
+    draw = np.random.default_rng(3)
+    collisions = 0
+    for _ in range(40):
+        velocity = draw.uniform(8.0, 36.0)
+        other = max(2.5, velocity * draw.uniform(0.1, 0.9))
+        case = {"velocity": velocity, "other_velocity": other, "gap": draw.uniform(2.0, 70.0)}
+        tracks = worlds.cut_in({**case, "sideways": draw.uniform(0.3, 1.8)}, 150)
+        run = idr.simulate(
+            worlds.scenario("cut_in", tracks, velocity),
+            agents=[worlds.EGO],
+            planner="cc",
+            predictor="constant_velocity",
+            settings={"view.sensor_radius": 300.0, "step.grace_factor": 1.0},
+            threads=1,
+        )
+        found = preventability(run)
+        hits = [row for row, kind in enumerate(found.kind) if kind == "collision"]
+        collisions += len(hits)
+        assert not any(found.preventable["cc"][row] == 1.0 for row in hits), case
+    assert collisions > 5

@@ -150,7 +150,7 @@ pub fn blame(traffic: &Traffic, request: &BlameRequest) -> Result<Vec<Verdict>> 
 /// One of both: its footprints at the common steps and at the contact, which comes last.
 pub(super) struct Track<'a> {
     pub(super) shape: &'a Shape,
-    pub(super) wide: Shape,
+    wide: Shape,
     pub(super) poses: Vec<Pose>,
     pub(super) speeds: Vec<f64>,
 }

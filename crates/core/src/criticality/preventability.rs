@@ -168,14 +168,15 @@ impl Way {
     fn entered_at(&self, pair: &Pair<'_>) -> usize {
         let (agent, other) = (&pair.agent, &pair.other);
         let contact = agent.poses.len() - 1;
-        let reach = agent.wide.bounding_radius() + other.shape.bounding_radius();
+        // Without the margin of blame: a driver that reacts to what touches its way must not be judged by what is near it.
+        let reach = agent.shape.bounding_radius() + other.shape.bounding_radius();
         let meets = |step: &usize| {
             self.poses[*step..].windows(2).any(|poses| {
                 // Between two poses the agent moves by little more than its length.
                 let near = poses[0].position.distance(poses[1].position) + reach;
                 other.poses[*step].position.distance(poses[0].position) <= near
                     && first_contact(
-                        &agent.wide,
+                        agent.shape,
                         poses[0],
                         poses[1],
                         other.shape,
