@@ -11,8 +11,9 @@
 use super::arrival;
 use super::comfort::Comfort;
 use super::conflicts::Ego;
+use super::driving_line::DrivingLine;
 use super::frame::Start;
-use super::lanes::{AIM_DISTANCE, Aim, Lanes, Need, SETTLED_OFFSET};
+use super::lanes::{AIM_DISTANCE, Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::{LaneChange, PlanRequest};
 use crate::conduct::FIRM_DECELERATION;
@@ -21,6 +22,7 @@ use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
+use crate::vehicle::Vehicle;
 
 /// Once a change is under way, neither the lag vehicle nor the agent must have to brake harder than this [m/s²], otherwise the
 /// agent returns; before, the lag vehicle no harder than firmly.
@@ -70,14 +72,15 @@ struct Criterion {
 pub struct LaneRoutes {
     lanes: Lanes,
     routes: Vec<Route>,
+    lines: Vec<DrivingLine>,
 }
 
 impl LaneRoutes {
     /// `None` if the route has no lane changes, passes a lanelet twice, or one of its lanes makes no path: then the agent
     /// drives along the reference path.
     pub(in crate::plan) fn along(
-        route: &Route,
-        goal: &Goal,
+        (route, goal): (&Route, &Goal),
+        vehicle: &Vehicle,
         scenario: &Scenario,
         rules: &RulesSettings,
     ) -> Option<Self> {
@@ -96,7 +99,8 @@ impl LaneRoutes {
                 ..route.clone()
             }
         });
-        Some(Self { routes: routes.collect(), lanes })
+        let line = |lane: &Lane| DrivingLine::within(&lane.path, vehicle, |s| Some(lane.bounds(s, &scenario.road)));
+        Some(Self { routes: routes.collect(), lines: lanes.lanes.iter().map(line).collect(), lanes })
     }
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
@@ -117,7 +121,13 @@ impl LaneRoutes {
 
     fn on<'a>(&'a self, request: &PlanRequest<'a>, aim: Aim) -> PlanRequest<'a> {
         let rules = Rules { way: &self.lanes.lanes[aim.lane].way, ..request.rules };
-        PlanRequest { route: &self.routes[aim.lane], s_hint: aim.s, rules, ..*request }
+        PlanRequest {
+            route: &self.routes[aim.lane],
+            line: Some(&self.lines[aim.lane]),
+            s_hint: aim.s,
+            rules,
+            ..*request
+        }
     }
 
     /// The lane to drive in, and what the change asks of the agent.

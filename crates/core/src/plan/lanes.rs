@@ -288,6 +288,13 @@ impl Lane {
         (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end })
     }
 
+    /// Left and right bound at an arc length of the path.
+    pub(super) fn bounds(&self, s: f64, road: &RoadNetwork) -> (Point, Point) {
+        let piece = self.piece_at(s);
+        let lanelet = &road.lanelets()[piece.lanelet];
+        lanelet.bounds_at((lanelet.length - (piece.end - s)).clamp(0.0, lanelet.length))
+    }
+
     /// Width at an arc length of the path [m].
     pub(super) fn width(&self, s: f64, road: &RoadNetwork) -> f64 {
         let piece = self.piece_at(s);

@@ -4,6 +4,7 @@ mod conflicts;
 mod arrival;
 mod comfort;
 mod car_following;
+mod driving_line;
 mod emergency_braking;
 mod frame;
 mod lane_change;
@@ -51,6 +52,7 @@ use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
 use car_following::LEADER_HEADING_COSINE;
+use driving_line::{DrivingLine, LinePoint};
 use lanes::Lanes;
 use recorded_path::RecordedPath;
 
@@ -157,6 +159,8 @@ pub struct PlanRequest<'a> {
     pub last_time_step: Option<i64>,
     /// What a lane change asks of it.
     pub lane_change: LaneChange,
+    /// The line that it takes within its lane; `None`: the path.
+    pub(crate) line: Option<&'a driving_line::DrivingLine>,
 }
 
 /// What a lane change asks of an agent.
@@ -185,6 +189,12 @@ impl Default for LaneChange {
 }
 
 impl PlanRequest<'_> {
+    /// The line that the agent takes within its lane, at an arc length [m].
+    fn line_at(&self, s: f64) -> LinePoint {
+        let middle = || LinePoint { curvature: self.route.path.curvature_at(s), ..LinePoint::default() };
+        self.line.map_or_else(middle, |line| line.at(s))
+    }
+
     /// All barriers of a way, if the rear axle is at an arc length [m].
     fn barriers(&self, way: &Way, s: f64) -> Barriers {
         let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;
@@ -239,6 +249,8 @@ pub enum Prepared {
     Lanes(Lanes),
     /// The lanes of a route with lane changes.
     LaneRoutes(Box<lane_change::LaneRoutes>),
+    /// The line on a route without.
+    DrivingLine(DrivingLine),
     /// What is known about the route of an observer.
     PathTable(Box<PathTable>),
 }
@@ -259,8 +271,11 @@ impl Prepared {
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
             Planner::Rollout(_) => {
-                let lanes = lane_change::LaneRoutes::along(route, goal, scenario, rules);
-                Ok(lanes.map_or(Self::Nothing, |lanes| Self::LaneRoutes(Box::new(lanes))))
+                let lanes = lane_change::LaneRoutes::along((route, goal), vehicle, scenario, rules);
+                Ok(lanes.map_or_else(
+                    || Self::DrivingLine(DrivingLine::of(route, vehicle, &scenario.road)),
+                    |lanes| Self::LaneRoutes(Box::new(lanes)),
+                ))
             }
             Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::Reference(..) | Planner::External => {
                 Ok(Self::Nothing)
@@ -286,7 +301,11 @@ impl Prepared {
 
     /// The request in the frame of the lane in which the agent drives.
     fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
-        if let Self::LaneRoutes(lanes) = self { lanes.aim(request, comfort) } else { *request }
+        match self {
+            Self::LaneRoutes(lanes) => lanes.aim(request, comfort),
+            Self::DrivingLine(line) => PlanRequest { line: Some(line), ..*request },
+            _ => *request,
+        }
     }
 }
 

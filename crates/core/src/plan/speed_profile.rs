@@ -47,14 +47,14 @@ impl SpeedProfile {
         self.brake(deceleration);
     }
 
-    /// Also slow enough to turn the wheels as fast as the path bends, for a steering rate [rad/s] and a wheelbase [m].
-    pub(super) fn steer(&mut self, path: &ReferencePath, (rate, wheelbase): (f64, f64), deceleration: f64) {
+    /// Also slow enough to turn the wheels as fast as a line bends, for a steering rate [rad/s] and a wheelbase [m].
+    pub(super) fn steer(&mut self, curvature: impl Fn(f64) -> f64, (rate, wheelbase): (f64, f64), deceleration: f64) {
         /// The change of curvature is that over twice this length [m].
         const HALF: f64 = 1.5;
         let n = self.values.len();
         for i in 0..n {
             let at = self.from + i as f64 * SPACING;
-            let (before, after) = (path.curvature_at(at - HALF), path.curvature_at(at + HALF));
+            let (before, after) = (curvature(at - HALF), curvature(at + HALF));
             let change = (after - before).abs() / (2.0 * HALF);
             // The tangent of the steering angle.
             let tangent = wheelbase * 0.5 * (before + after);

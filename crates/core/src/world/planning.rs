@@ -228,6 +228,7 @@ impl World {
             rules,
             last_time_step: drive.last_time_step(&self.settings.step),
             lane_change: LaneChange::default(),
+            line: None,
         }
     }
 }

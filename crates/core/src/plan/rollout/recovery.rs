@@ -5,7 +5,7 @@ use super::super::frame::project;
 use super::search::Search;
 use super::speeds::{Pace, Speeds};
 use super::start::Start;
-use super::steering::{Rollout, RolloutPoint, Steering};
+use super::steering::{Along, Rollout, RolloutPoint, Steering};
 use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::trajectory::{State, Trajectory};
@@ -67,7 +67,7 @@ impl Search<'_> {
         for share in SHARES {
             for length in WAYS {
                 let speeds = Speeds::back(length, self.task.n_points, request.dt);
-                back.drive(request, &start, 0.0, &speeds, Steering::swinging(share, f64::INFINITY));
+                back.drive(request, &start, (0.0, Along::Path), &speeds, Steering::swinging(share, f64::INFINITY));
                 self.memory.effort += 1;
                 if !self.is_free(&back, true) {
                     continue;
@@ -102,7 +102,7 @@ impl Search<'_> {
         let mut rollout = Rollout::default();
         for target in targets {
             for steering in std::iter::once(Steering::FIRM).chain(Steering::CORNERING) {
-                rollout.drive(request, &start, target, &speeds, steering);
+                rollout.drive(request, &start, (target, Along::Path), &speeds, steering);
                 self.memory.effort += 1;
                 let end = self.first_fault(&rollout).unwrap_or(rollout.points.len());
                 let way: f64 = speeds.velocity[..end].iter().map(|velocity| velocity * request.dt).sum();

@@ -8,7 +8,7 @@ use super::contacts::Contact;
 use super::settings::{N_TERMS, RolloutSettings};
 use super::speeds::{Pace, Speeds, Task};
 use super::start::Start;
-use super::steering::{Rollout, Steering};
+use super::steering::{Along, Rollout, Steering};
 use super::{DANGER_COST, RolloutMemory};
 
 /// An offset is given up in about this time [s]: the corridor in which others count shrinks so fast.
@@ -33,12 +33,15 @@ const SWERVES: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 /// Those who stand and whom the footprint misses by this are no leaders [m].
 const SPARED: f64 = 0.1;
 
+/// The middle of the lane.
+const MIDDLE: (f64, Along) = (0.0, Along::Line);
+
 /// A way to drive, with what its speeds cost.
 struct Proposal {
     bound: f64,
     terms: [f64; 4],
-    /// Offset that it drives to [m].
-    target: f64,
+    /// Offset that it drives to [m], and what that is counted from.
+    target: (f64, Along),
     pace: Pace,
     steering: Steering,
     speeds: Speeds,
@@ -112,12 +115,14 @@ impl<'a> Search<'a> {
         }
         let change = &request.lane_change;
         // A change that is urgent aims at the middle of the lane.
-        let step = if change.urgency > 1.0 { f64::INFINITY } else { change.step }.min(start.d.abs()).copysign(start.d);
-        let middle = start.d - step;
-        self.drive_beside(&[middle]);
+        let beside = start.d - request.line_at(start.s).offset;
+        let step = if change.urgency > 1.0 { f64::INFINITY } else { change.step }.min(beside.abs()).copysign(beside);
+        let middle = beside - step;
+        self.drive_beside(&[(middle, Along::Line)]);
         if self.cost() > HELD_UP_COST {
-            let aside = ASIDE.iter().map(|aside| middle + aside);
-            let ways: Vec<f64> = aside.chain(self.obstructions.beside.iter().copied()).collect();
+            let aside = ASIDE.iter().map(|aside| (middle + aside, Along::Line));
+            let around = self.obstructions.beside.iter().map(|offset| (*offset, Along::Path));
+            let ways: Vec<(f64, Along)> = aside.chain(around).collect();
             self.drive_beside(&ways);
         }
         if self.is_narrow && self.cost() > STUCK_COST {
@@ -187,17 +192,22 @@ impl<'a> Search<'a> {
         Speeds::at(&self.task, (pace, ego), (conflicts, profile), &self.free)
     }
 
-    fn proposal(&self, pace: Pace, (target, steering): (f64, Steering), speeds: Speeds) -> Proposal {
+    fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Speeds) -> Proposal {
         let terms = speeds.terms(&self.free, (self.task.acceleration(), self.task.request.dt));
         let bound = Speeds::cost(terms, &self.settings.weights);
         Proposal { bound, terms, target, pace, steering, speeds, is_emergency: false }
     }
 
     /// Drives ways along the path.
-    fn drive_beside(&mut self, targets: &[f64]) {
+    fn drive_beside(&mut self, targets: &[(f64, Along)]) {
         let mut proposals: Vec<Proposal> = Vec::new();
         for &target in targets {
-            let ego = self.look(target);
+            let line = match target.1 {
+                Along::Line => self.task.request.line_at(self.task.start.s).offset,
+                Along::Path => 0.0,
+            };
+            let offset = target.0 + line;
+            let ego = self.look(offset);
             let mut paces = vec![Pace::Social];
             if self.memory.conflicts.has_later() {
                 paces.extend([Pace::Yielding, Pace::Bold]);
@@ -209,7 +219,7 @@ impl<'a> Search<'a> {
                 if proposals[first..].iter().any(|known| known.speeds == speeds) {
                     continue;
                 }
-                if (self.task.start.d - target).abs() > QUICK_OFFSET {
+                if (self.task.start.d - offset).abs() > QUICK_OFFSET {
                     proposals.push(self.proposal(pace, (target, Steering::GENTLE), speeds.clone()));
                     proposals.push(self.proposal(pace, (target, Steering::QUICK), speeds.clone()));
                 }
@@ -225,10 +235,10 @@ impl<'a> Search<'a> {
         let mut proposals = Vec::new();
         for pace in [Pace::Social, Pace::Share(0.5), Pace::Walking] {
             let Some(speeds) = self.speeds(pace, &ego) else { continue };
-            proposals.push(self.proposal(pace, (0.0, Steering::FIRM), speeds.clone()));
+            proposals.push(self.proposal(pace, (MIDDLE, Steering::FIRM), speeds.clone()));
             for share in SWINGS {
                 for time in SWING_TIMES {
-                    let one = self.proposal(pace, (0.0, Steering::swinging(share, time)), speeds.clone());
+                    let one = self.proposal(pace, (MIDDLE, Steering::swinging(share, time)), speeds.clone());
                     proposals.push(Proposal { bound: one.bound + SWING_COST, ..one });
                 }
             }
@@ -244,14 +254,14 @@ impl<'a> Search<'a> {
         let slowing = self.speeds(Pace::Braking, &ego).expect("an agent can always brake");
         for (pace, speeds) in [(Pace::Social, self.free.clone()), (Pace::Braking, slowing)] {
             for swerve in SWERVES {
-                proposals.push(self.proposal(pace, (d + swerve, Steering::QUICK), speeds.clone()));
+                proposals.push(self.proposal(pace, ((d + swerve, Along::Path), Steering::QUICK), speeds.clone()));
             }
         }
         let (firm, hold, straight) = (Steering::FIRM, Steering::HOLD, Steering::STRAIGHT);
         for pace in EMERGENCIES.map(Pace::Emergency) {
             let speeds = self.speeds(pace, &ego).expect("an agent can always brake");
             for way in [(0.0, firm), (d, firm), (0.0, hold), (0.0, straight), (1.0, firm), (-1.0, firm)] {
-                proposals.push(self.proposal(pace, way, speeds.clone()));
+                proposals.push(self.proposal(pace, ((way.0, Along::Path), way.1), speeds.clone()));
             }
         }
         proposals.iter_mut().for_each(|one| one.is_emergency = true);
@@ -283,7 +293,7 @@ impl<'a> Search<'a> {
         rollout.drive(request, &self.task.start, proposal.target, &proposal.speeds, steering);
         let mut terms = [0.0; N_TERMS];
         terms[..4].copy_from_slice(&proposal.terms);
-        let end = rollout.points[rollout.points.len() - 1].d;
+        let end = rollout.beside;
         terms[4..7].copy_from_slice(&[
             rollout.lateral,
             request.lane_change.urgency * rollout.offset,
@@ -335,7 +345,8 @@ impl<'a> Search<'a> {
 fn previous_offset(request: &PlanRequest) -> Option<f64> {
     let last = request.previous?.points.last().filter(|point| point.is_finite())?;
     let axle = request.vehicle.rear_axle_from_center(last.pose());
-    project(&request.route.path, axle, request.s_hint + 3.0 * request.state.velocity).map(|(_, d)| d)
+    project(&request.route.path, axle, request.s_hint + 3.0 * request.state.velocity)
+        .map(|(s, d)| d - request.line_at(s).offset)
 }
 
 /// Where the footprint, larger by a margin [m], leaves the road once it is fully on it.

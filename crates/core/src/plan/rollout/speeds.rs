@@ -129,13 +129,18 @@ impl<'a> Task<'a> {
     /// Fills the profile of a free road.
     pub(super) fn fill(&self, profile: &mut SpeedProfile) {
         let Self { request, comfort, start, .. } = self;
-        let (path, vehicle) = (&request.route.path, request.vehicle);
+        let vehicle = request.vehicle;
+        let curvature = |s: f64| request.line_at(s).curvature;
         let reach = REACH.0 + REACH.1 * start.velocity;
         let cornering = vehicle.cornering(comfort.lateral_acceleration);
         // Limits count at the vehicle's centre.
-        let limits = (&request.rules.way.limits, vehicle.rear_axle_to_center);
-        profile.fill(path, limits, (start.s, reach), cornering, comfort.deceleration);
-        profile.steer(path, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
+        let limits = &request.rules.way.limits;
+        let limit = |s: f64| {
+            let curve = (cornering / curvature(s).abs().max(1e-9)).sqrt();
+            curve.min(limits.at(s + vehicle.rear_axle_to_center))
+        };
+        profile.fill_below(&request.route.path, limit, (start.s, reach), f64::INFINITY, comfort.deceleration);
+        profile.steer(curvature, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
     }
 }
 

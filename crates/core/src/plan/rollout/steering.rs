@@ -2,6 +2,7 @@
 //! be driven from any state.
 
 use super::super::PlanRequest;
+use super::super::driving_line::LinePoint;
 use super::super::path_motion::point_at;
 use super::speeds::Speeds;
 use super::start::Start;
@@ -34,6 +35,24 @@ pub(super) struct Steering {
     held: Option<(Held, f64)>,
 }
 
+/// What an offset is counted from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Along {
+    /// The line that the agent takes in its lane.
+    Line,
+    /// The path.
+    Path,
+}
+
+impl Along {
+    fn line(self, request: &PlanRequest, s: f64) -> LinePoint {
+        match self {
+            Self::Line => request.line_at(s),
+            Self::Path => LinePoint { curvature: request.route.path.curvature_at(s), ..LinePoint::default() },
+        }
+    }
+}
+
 /// A curvature that is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Held {
@@ -47,15 +66,15 @@ impl Steering {
     /// The ordinary driver.
     pub(super) const FIRM: Self = Self { preview: 0.5, time: 0.8, inside: 0.0, held: None };
     /// Changes lanes where there is time.
-    pub(super) const GENTLE: Self = Self { preview: 0.5, time: 1.6, inside: 0.0, held: None };
+    pub(super) const GENTLE: Self = Self { time: 1.6, ..Self::FIRM };
     /// Swerves.
     pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
     /// Where the road is narrow, in turn.
     pub(super) const CORNERING: [Self; 4] = [
-        Self { preview: 0.3, time: 0.6, inside: 1.0, held: None },
-        Self { preview: 0.2, time: 0.5, inside: 0.0, held: None },
-        Self { preview: 0.3, time: 0.6, inside: 2.0, held: None },
-        Self { preview: 0.3, time: 0.6, inside: -1.0, held: None },
+        Self { preview: 0.3, time: 0.6, inside: 1.0, ..Self::FIRM },
+        Self { preview: 0.2, time: 0.5, inside: 0.0, ..Self::FIRM },
+        Self { preview: 0.3, time: 0.6, inside: 2.0, ..Self::FIRM },
+        Self { preview: 0.3, time: 0.6, inside: -1.0, ..Self::FIRM },
     ];
     /// Keeps the wheels as they are.
     pub(super) const HOLD: Self = Self { held: Some((Held::Present, f64::INFINITY)), ..Self::FIRM };
@@ -93,9 +112,10 @@ impl RolloutPoint {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rollout {
     pub(super) points: Vec<RolloutPoint>,
-    /// Integral of the distance from the path [m s].
+    /// Integral of the distance from the line [m s], and that at the end [m].
     pub(super) offset: f64,
-    /// Integral of the squared lateral acceleration beyond that of the path [m²/s³].
+    pub(super) beside: f64,
+    /// Integral of the squared lateral acceleration beyond that of the line [m²/s³].
     pub(super) lateral: f64,
 }
 
@@ -105,7 +125,7 @@ impl Rollout {
         &mut self,
         request: &PlanRequest,
         start: &Start,
-        target: f64,
+        (target, along): (f64, Along),
         speeds: &Speeds,
         steering: Steering,
     ) {
@@ -117,6 +137,7 @@ impl Rollout {
         let (mut s, mut curvature, mut before) = (start.s, start.curvature, start.velocity + start.rolling);
         let mut at = point_at(path, s);
         let mut d = start.d;
+        let mut beside = start.d - request.line_at(start.s).offset;
         self.points.clear();
         (self.offset, self.lateral) = (0.0, 0.0);
         for (i, (&velocity, &acceleration)) in speeds.velocity.iter().zip(&speeds.acceleration).enumerate() {
@@ -131,11 +152,12 @@ impl Rollout {
                         let from = s + before * steering.preview;
                         // The middle of the front is outside of a bend by half of what the heading changes along the body.
                         let swing = 0.5 * to_front * (heading(path, from + to_front) - heading(path, from));
-                        let aim = target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
+                        let (here, line) = (along.line(request, s), along.line(request, from));
+                        let aim = here.offset + target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
                         let length = CORRECTION_LENGTH.max(steering.time * before);
                         let error = (d - aim).clamp(-OFFSET_MAX, OFFSET_MAX);
-                        let ahead = path.curvature_at(from);
-                        ahead - (error / length + 2.0 * wrap_angle(theta - at.theta)) / length
+                        let askew = wrap_angle(theta - at.theta - here.heading);
+                        line.curvature - (error / length + 2.0 * askew) / length
                     }
                 };
                 let fastest = velocity.abs().max(before.abs());
@@ -157,15 +179,18 @@ impl Rollout {
                 d = at.tangent().cross(offset);
                 let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
                 s += way + ahead.clamp(-2.0 * way.abs() - 0.1, 2.0 * way.abs() + 0.1);
-                let beyond = velocity * velocity * (curvature - at.curvature);
+                let line = request.line_at(s);
+                let beyond = velocity * velocity * (curvature - line.curvature);
                 self.lateral += beyond * beyond * dt;
-                self.offset += d.abs() * dt;
+                beside = d - line.offset;
+                self.offset += beside.abs() * dt;
             }
             let axis = Point::from_angle(theta);
             let center = axle + axis * vehicle.rear_axle_to_center;
             self.points.push(RolloutPoint { center, axis, theta, curvature, velocity, acceleration, d });
             before = velocity;
         }
+        self.beside = beside;
     }
 
     /// States of the footprint centre; the first is that of the request.

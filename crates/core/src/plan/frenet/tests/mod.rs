@@ -205,6 +205,7 @@ impl Drive {
             }),
             last_time_step: None,
             lane_change: LaneChange::default(),
+            line: None,
         })
     }
 
