@@ -146,7 +146,7 @@ impl Bend {
         let n = offsets.len();
         (0..n)
             .map(|i| {
-                let i = i.clamp(1.min(n - 1), n.saturating_sub(2));
+                let i = i.clamp(1.min(n.saturating_sub(2)), n.saturating_sub(2));
                 let [constant, a, b, c] = self.rows[i];
                 constant + a * offsets[i.saturating_sub(1)] + b * offsets[i] + c * offsets[(i + 1).min(n - 1)]
             })
