@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
-from interdrive.adversaries import ADVERSARIES, Row, rank_adversaries
+from interdrive.adversaries import ADVERSARIES, Drive, rank_adversaries
 from interdrive.adversaries.ranking import HONEST_DRIVERS, ranked
 from interdrive.cli import main
 from interdrive.errors import InputError
@@ -23,7 +23,7 @@ def rows(*, score=0.9, n=12, **others):
         for name in (*HONEST_DRIVERS, *BY_NAME):
             own, acts = others.get(name, (score if name in HONEST_DRIVERS else 0.2, True))
             own = own if acts else score
-            found.append(Row(name, f"file{k}", f"road{k}", 1, own, name in HONEST_DRIVERS, acts, ""))
+            found.append(Drive(name, f"file{k}", f"road{k}", 1, own, name in HONEST_DRIVERS, acts, ""))
     return found
 
 
@@ -62,7 +62,7 @@ def test_an_interval_counts_only_with_enough_drives_and_places():
     few = rows(n=3, Crawl=(0.2, True))
     for row in few:
         if row.driver == "Crawl" and row.file == "file0":
-            few[few.index(row)] = Row("Crawl", "file0", "road0", 1, 0.95, False, True, "")
+            few[few.index(row)] = Drive("Crawl", "file0", "road0", 1, 0.95, False, True, "")
     found = next(one for one in ranked(few, ()).verdicts if one.driver == "Crawl")
     assert found.high > 0.0
     assert found.holds

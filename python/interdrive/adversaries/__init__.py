@@ -8,6 +8,6 @@ docs/how_to/adversaries.md says how to use it.
 
 from interdrive.adversaries.drivers import ADVERSARIES, Adversary
 from interdrive.adversaries.ranking import Ranking, Verdict, rank_adversaries
-from interdrive.adversaries.trial import Row
+from interdrive.adversaries.trial import Drive
 
-__all__ = ["ADVERSARIES", "Adversary", "Ranking", "Row", "Verdict", "rank_adversaries"]
+__all__ = ["ADVERSARIES", "Adversary", "Drive", "Ranking", "Verdict", "rank_adversaries"]

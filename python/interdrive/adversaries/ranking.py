@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST
-from interdrive.adversaries.trial import Place, Row, trial
+from interdrive.adversaries.trial import Drive, Place, trial
 from interdrive.benchmarks.sets import find_files, read_set
 from interdrive.comparison.scores import interval
 from interdrive.errors import InputError
@@ -85,7 +85,7 @@ class Ranking:
     n_places: int
     n_trivial: int
     missing: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Drive, ...]
 
     @property
     def judged(self) -> tuple[Verdict, ...]:
@@ -140,7 +140,7 @@ def rank_adversaries(
     places = [
         Place(found[file.sha256], file.name, file.place, number) for file in there for number in file.agents[:agents]
     ]
-    rows: list[Row] = []
+    rows: list[Drive] = []
     problems = list(missing)
     for done, answer in enumerate(_trials(places, workers), start=1):
         if isinstance(answer, str):
@@ -157,7 +157,7 @@ def rank_adversaries(
     return ranking
 
 
-def _trials(places: Sequence[Place], workers: int | None) -> Iterable[list[Row] | str]:
+def _trials(places: Sequence[Place], workers: int | None) -> Iterable[list[Drive] | str]:
     """Answers in the order of the places, however many processes work."""
     if workers == 1 or len(places) == 1:
         yield from map(trial, places)
@@ -166,9 +166,9 @@ def _trials(places: Sequence[Place], workers: int | None) -> Iterable[list[Row] 
         yield from pool.map(trial, places)
 
 
-def ranked(rows: Sequence[Row], missing: Sequence[str]) -> Ranking:
+def ranked(rows: Sequence[Drive], missing: Sequence[str]) -> Ranking:
     """Verdicts from all drives."""
-    by_driver: dict[str, dict[tuple[str, int], Row]] = {}
+    by_driver: dict[str, dict[tuple[str, int], Drive]] = {}
     for row in rows:
         by_driver.setdefault(row.driver, {})[row.file, row.agent_id] = row
     every = sorted(by_driver[HONEST])

@@ -45,7 +45,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Row:
+class Drive:
     """One driver in one place.
 
     Attributes:
@@ -67,7 +67,7 @@ class Row:
     why: str
 
 
-def trial(place: Place) -> list[Row] | str:
+def trial(place: Place) -> list[Drive] | str:
     """All drivers in the place of an agent; in one line why there are none if the agent cannot be driven."""
     try:
         return _trial(place)
@@ -75,7 +75,7 @@ def trial(place: Place) -> list[Row] | str:
         return f"{place.file}, agent {place.agent_id}: {error}"
 
 
-def _trial(place: Place) -> list[Row]:
+def _trial(place: Place) -> list[Drive]:
     scenario, settings = read_scenario(place.path), ScoringSettings()
     planner: dict[int | str, PlannerSpec] = {place.agent_id: "lawful", "default": TRAFFIC}
     first = simulate(
@@ -95,7 +95,7 @@ def _trial(place: Place) -> list[Row]:
         _, total, _, reasons = judged(drive, run, panel, settings)
         acts = base is None or _differs(run, base, place.agent_id)
         rows.append(
-            Row(name, place.file, place.road, place.agent_id, total.score, drive.in_time, acts, "; ".join(reasons))
+            Drive(name, place.file, place.road, place.agent_id, total.score, drive.in_time, acts, "; ".join(reasons))
         )
 
     for name, run in runs.items():
