@@ -24,7 +24,7 @@ const EDGE: f64 = 0.15;
 /// Offset where the path is in no lane, or changes lanes [m].
 const UNKNOWN: f64 = 0.1;
 /// Largest offset [m].
-const OFFSET_MAX: f64 = 1.0;
+const OFFSET_MAX: f64 = 0.7;
 /// Steps of the method, and how often the way along the line is worked out anew.
 const STEPS: usize = 60;
 const ROUNDS: usize = 3;

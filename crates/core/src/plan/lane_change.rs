@@ -141,8 +141,10 @@ impl LaneRoutes {
         let can_stop =
             |s: f64, need: &Need| front(s) + 0.5 * velocity * velocity / comfort.deceleration <= need.lane_end;
         let here = missing(aim.lane, aim.s);
-        let origin = beside[usize::from(aim.d < 0.0)]
-            .filter(|(lane, s)| aim.d.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
+        // A change is over on the line of the new lane.
+        let offset = aim.d - self.lines[aim.lane].at(aim.s).offset;
+        let origin = beside[usize::from(offset < 0.0)]
+            .filter(|(lane, s)| offset.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
             .and_then(|(lane, s)| self.in_lane(request, lane, s));
         if let Some(origin) = origin {
             let need = lanes[origin.lane].need(origin.s);
