@@ -102,6 +102,7 @@ impl Bench {
             rules: Rules::default(),
             last_time_step: None,
             lane_change: LaneChange::default(),
+            line: None,
         };
         plan(black_box(&request), settings, memory).cost
     }

@@ -160,7 +160,7 @@ pub struct PlanRequest<'a> {
     /// What a lane change asks of it.
     pub lane_change: LaneChange,
     /// The line that it takes within its lane; `None`: the path.
-    pub(crate) line: Option<&'a driving_line::DrivingLine>,
+    pub line: Option<&'a driving_line::DrivingLine>,
 }
 
 /// What a lane change asks of an agent.
