@@ -91,6 +91,7 @@ class Rollout:
         margin_width: Distance kept to others where there is room, beside them. Between 0 and 100.
         collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most
             probable mode always counts. Between 0 and 1.
+        cut_bends: Takes the line of least curvature within its lane instead of the reference path.
         reverse: Drives back a little where it stands wedged.
         weights: Weights of the cost.
         comfort: Comfortable driving.
@@ -101,6 +102,7 @@ class Rollout:
     margin_length: Annotated[float, "m"] = 0.25
     margin_width: Annotated[float, "m"] = 0.1
     collision_mode_probability: float = 0.2
+    cut_bends: bool = False
     reverse: bool = True
     weights: RolloutWeights = field(default_factory=RolloutWeights)
     comfort: Comfort = field(default_factory=Comfort)

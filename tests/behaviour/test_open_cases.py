@@ -220,7 +220,7 @@ def test_an_agent_drives_an_empty_ring_to_its_end(planner, lanes, radius):
         ("rollout", 25.0),
         ("idm_mobil", 40.0),
         ("frenet", 18.5),
-        pytest.param("rollout", 18.5, marks=missing("rollout drifts inwards before the goal and passes it")),
+        ("rollout", 18.5),
         pytest.param("idm_mobil", 18.5, marks=missing(OFF_THE_RING)),
         pytest.param("idm_mobil", 25.0, marks=missing(OFF_THE_RING)),
     ],

@@ -72,7 +72,8 @@ struct Criterion {
 pub struct LaneRoutes {
     lanes: Lanes,
     routes: Vec<Route>,
-    lines: Vec<DrivingLine>,
+    /// The line in each, for an agent that does not keep to its middle.
+    lines: Vec<Option<DrivingLine>>,
 }
 
 impl LaneRoutes {
@@ -80,7 +81,7 @@ impl LaneRoutes {
     /// drives along the reference path.
     pub(in crate::plan) fn along(
         (route, goal): (&Route, &Goal),
-        vehicle: &Vehicle,
+        line_of: Option<&Vehicle>,
         scenario: &Scenario,
         rules: &RulesSettings,
     ) -> Option<Self> {
@@ -99,8 +100,10 @@ impl LaneRoutes {
                 ..route.clone()
             }
         });
-        let line = |lane: &Lane| DrivingLine::within(&lane.path, vehicle, |s| Some(lane.bounds(s, &scenario.road)));
-        Some(Self { routes: routes.collect(), lines: lanes.lanes.iter().map(line).collect(), lanes })
+        let line =
+            |lane: &Lane, vehicle| DrivingLine::within(&lane.path, vehicle, |s| Some(lane.bounds(s, &scenario.road)));
+        let lines = lanes.lanes.iter().map(|lane| line_of.map(|vehicle| line(lane, vehicle)));
+        Some(Self { routes: routes.collect(), lines: lines.collect(), lanes })
     }
 
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
@@ -123,7 +126,7 @@ impl LaneRoutes {
         let rules = Rules { way: &self.lanes.lanes[aim.lane].way, ..request.rules };
         PlanRequest {
             route: &self.routes[aim.lane],
-            line: Some(&self.lines[aim.lane]),
+            line: self.lines[aim.lane].as_ref(),
             s_hint: aim.s,
             rules,
             ..*request
@@ -142,7 +145,7 @@ impl LaneRoutes {
             |s: f64, need: &Need| front(s) + 0.5 * velocity * velocity / comfort.deceleration <= need.lane_end;
         let here = missing(aim.lane, aim.s);
         // A change is over on the line of the new lane.
-        let offset = aim.d - self.lines[aim.lane].at(aim.s).offset;
+        let offset = aim.d - self.lines[aim.lane].as_ref().map_or(0.0, |line| line.at(aim.s).offset);
         let origin = beside[usize::from(offset < 0.0)]
             .filter(|(lane, s)| offset.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
             .and_then(|(lane, s)| self.in_lane(request, lane, s));

@@ -270,12 +270,14 @@ impl Prepared {
         let recorded_path =
             |name| Ok(Self::RecordedPath(Box::new(RecordedPath::new(scenario, id, first_time_step, vehicle, name)?)));
         match planner {
-            Planner::Rollout(_) => {
-                let lanes = lane_change::LaneRoutes::along((route, goal), vehicle, scenario, rules);
-                Ok(lanes.map_or_else(
-                    || Self::DrivingLine(DrivingLine::of(route, vehicle, &scenario.road)),
-                    |lanes| Self::LaneRoutes(Box::new(lanes)),
-                ))
+            Planner::Rollout(settings) => {
+                let line = settings.cut_bends.then_some(vehicle);
+                let lanes = lane_change::LaneRoutes::along((route, goal), line, scenario, rules);
+                Ok(match (lanes, line) {
+                    (Some(lanes), _) => Self::LaneRoutes(Box::new(lanes)),
+                    (None, Some(vehicle)) => Self::DrivingLine(DrivingLine::of(route, vehicle, &scenario.road)),
+                    (None, None) => Self::Nothing,
+                })
             }
             Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::Reference(..) | Planner::External => {
                 Ok(Self::Nothing)

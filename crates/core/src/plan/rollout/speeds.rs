@@ -129,7 +129,7 @@ impl<'a> Task<'a> {
     /// Fills the profile of a free road.
     pub(super) fn fill(&self, profile: &mut SpeedProfile) {
         let Self { request, comfort, start, .. } = self;
-        let vehicle = request.vehicle;
+        let (path, vehicle) = (&request.route.path, request.vehicle);
         let curvature = |s: f64| request.line_at(s).curvature;
         let reach = REACH.0 + REACH.1 * start.velocity;
         let cornering = vehicle.cornering(comfort.lateral_acceleration);
@@ -137,9 +137,10 @@ impl<'a> Task<'a> {
         let limits = &request.rules.way.limits;
         let limit = |s: f64| {
             let curve = (cornering / curvature(s).abs().max(1e-9)).sqrt();
-            curve.min(limits.at(s + vehicle.rear_axle_to_center))
+            let limit = limits.at(s + vehicle.rear_axle_to_center);
+            if s > path.length() { limit } else { curve.min(limit) }
         };
-        profile.fill_below(&request.route.path, limit, (start.s, reach), f64::INFINITY, comfort.deceleration);
+        profile.fill_below(path, limit, (start.s, reach), f64::INFINITY, comfort.deceleration);
         profile.steer(curvature, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
     }
 }

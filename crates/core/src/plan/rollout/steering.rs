@@ -180,7 +180,8 @@ impl Rollout {
                 let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
                 s += way + ahead.clamp(-2.0 * way.abs() - 0.1, 2.0 * way.abs() + 0.1);
                 let line = request.line_at(s);
-                let beyond = velocity * velocity * (curvature - line.curvature);
+                let bend = if request.line.is_some() { line.curvature } else { at.curvature };
+                let beyond = velocity * velocity * (curvature - bend);
                 self.lateral += beyond * beyond * dt;
                 beside = d - line.offset;
                 self.offset += beside.abs() * dt;
