@@ -44,15 +44,6 @@ pub(super) enum Along {
     Path,
 }
 
-impl Along {
-    fn line(self, request: &PlanRequest, s: f64) -> LinePoint {
-        match self {
-            Self::Line => request.line_at(s),
-            Self::Path => LinePoint { curvature: request.route.path.curvature_at(s), ..LinePoint::default() },
-        }
-    }
-}
-
 /// A curvature that is held.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Held {
@@ -130,6 +121,7 @@ impl Rollout {
         steering: Steering,
     ) {
         let (vehicle, path, dt) = (request.vehicle, &request.route.path, request.dt);
+        let line = request.line.filter(|_| along == Along::Line);
         let step = LIMIT_SHARE * vehicle.steering_step(dt);
         let tightest = vehicle.curvature_max();
         let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
@@ -152,12 +144,15 @@ impl Rollout {
                         let from = s + before * steering.preview;
                         // The middle of the front is outside of a bend by half of what the heading changes along the body.
                         let swing = 0.5 * to_front * (heading(path, from + to_front) - heading(path, from));
-                        let (here, line) = (along.line(request, s), along.line(request, from));
+                        let (here, ahead) = match line {
+                            Some(line) => (line.at(s), line.at(from).curvature),
+                            None => (LinePoint::default(), path.curvature_at(from)),
+                        };
                         let aim = here.offset + target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
                         let length = CORRECTION_LENGTH.max(steering.time * before);
                         let error = (d - aim).clamp(-OFFSET_MAX, OFFSET_MAX);
                         let askew = wrap_angle(theta - at.theta - here.heading);
-                        line.curvature - (error / length + 2.0 * askew) / length
+                        ahead - (error / length + 2.0 * askew) / length
                     }
                 };
                 let fastest = velocity.abs().max(before.abs());
@@ -179,11 +174,13 @@ impl Rollout {
                 d = at.tangent().cross(offset);
                 let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
                 s += way + ahead.clamp(-2.0 * way.abs() - 0.1, 2.0 * way.abs() + 0.1);
-                let line = request.line_at(s);
-                let bend = if request.line.is_some() { line.curvature } else { at.curvature };
+                let (bend, offset) = match request.line.map(|line| line.at(s)) {
+                    Some(line) => (line.curvature, line.offset),
+                    None => (at.curvature, 0.0),
+                };
                 let beyond = velocity * velocity * (curvature - bend);
                 self.lateral += beyond * beyond * dt;
-                beside = d - line.offset;
+                beside = d - offset;
                 self.offset += beside.abs() * dt;
             }
             let axis = Point::from_angle(theta);
