@@ -29,7 +29,7 @@ _AHEAD, _LANE = 80.0, 2.0
 _ACROSS, _BRAKING, _HARDEST = 4.0, 3.0, 8.0
 #: Its front stops this far before a line [m].
 _BEFORE_LINE = 0.5
-#: Yaw rate of who leaves the road [rad/s].
+#: Yaw rate with which the road is left [rad/s].
 _TURNING = 0.15
 #: A speed where none is stated [m/s].
 _UNSTATED = 30.0
@@ -79,7 +79,7 @@ def front(view: _core.View) -> float:
 
 
 def leader(view: _core.View) -> tuple[float, float]:
-    """Gap to whoever is ahead on the path [m], inf without, and its speed [m/s]."""
+    """Gap to the vehicle ahead on the path [m], inf without, and its speed [m/s]."""
     if not len(view.ids):
         return math.inf, 0.0
     s, d = view.ego.route.project(view.x[:, -1], view.y[:, -1])
@@ -89,7 +89,7 @@ def leader(view: _core.View) -> tuple[float, float]:
 
 
 def followers(view: _core.View, time: float) -> bool:
-    """Somebody follows on the path within a time [s]."""
+    """A vehicle follows on the path within a time [s]."""
     if not len(view.ids):
         return False
     ego = view.ego
@@ -219,7 +219,7 @@ class TimeLimit(Driver):
 
 
 class BrakeCheck(Driver):
-    """Brakes with 6 m/s² for 1.2 s whenever somebody follows within 1.5 s, every 4 s at most."""
+    """Brakes with 6 m/s² for 1.2 s whenever a vehicle follows within 1.5 s, every 4 s at most."""
 
     def __init__(self) -> None:
         """Has not braked yet."""
@@ -277,14 +277,14 @@ class Bully(Driver):
 
 
 class HitMe(Driver):
-    """Stops where somebody follows fast, to be hit."""
+    """Stops in front of a fast follower, to be hit."""
 
     def __init__(self) -> None:
         """Has not stopped yet."""
         self.waits = False
 
     def rate(self, view: _core.View) -> float:
-        """As lawful, until somebody follows; then hard braking."""
+        """As lawful until a vehicle follows; then hard braking."""
         self.waits = self.waits or followers(view, 1.0)
         return -_HARDEST if self.waits and view.ego.velocity > 0.0 else 0.0 if self.waits else super().rate(view)
 

@@ -8,17 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
-from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
 from interdrive.panel import PANEL
 from interdrive.panel.judgement import judged, panel_drives
 from interdrive.panel.worlds import World
-from interdrive.scenario.agents import select
-from interdrive.scenario.native import core_road
 from interdrive.scoring import ScoringSettings
 from interdrive.scoring.drive_facts import drives_of
-from interdrive.simulation import simulate
+from interdrive.simulation import Simulation, simulate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,16 +104,7 @@ def _trial(place: Place) -> list[Drive]:
 
 def _others(scenario: Scenario, agent_id: int) -> list[int]:
     """All other vehicles that can be agents and have a recording."""
-    settings = SimulationSettings()
-    found = select(
-        scenario,
-        core_road(scenario, settings.road),
-        "all",
-        agent_settings=settings.agents,
-        goal_settings=settings.goal,
-        max_steps=settings.step.steps_at_most(scenario),
-        seed=0,
-    )[0]
+    found = Simulation(scenario, agents="all", threads=1).agents
     recorded = set(scenario.obstacles.ids.tolist())
     return [agent.id for agent in found if agent.id != agent_id and agent.id in recorded]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: What happens in a case with a planner, beside the careful and competent driver; and its colour.
 CLASSES = {
-    "nobody hits": "#e3e3e3",
+    "neither hits": "#e3e3e3",
     "only cc hits": "#0072B2",
     "both hit": "#6f6f6f",
     "only {} hits": "#D55E00",
@@ -45,7 +45,7 @@ def cut_in_figures(found: Verdicts) -> Iterator[tuple[str, Figure]]:
         axes = figure.add_subplot()
         classes = 2 * found.crash[of].astype(int) + hit["cc"][of].astype(int)
         gap, sideways = cases["gap"][of], cases["sideways"][of]
-        for code, label in ((0, "nobody hits"), (1, "only cc hits"), (3, "both hit"), (2, "only {} hits")):
+        for code, label in ((0, "neither hits"), (1, "only cc hits"), (3, "both hit"), (2, "only {} hits")):
             here = classes == code
             if found.driver == "cc" and code == 3:
                 label = "cc hits"  # noqa: PLW2901 - one driver beside itself

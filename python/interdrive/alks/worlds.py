@@ -81,7 +81,7 @@ def cut_out(case: Mapping[str, float], steps: int, kept_distance: float) -> tupl
     tracks = [_ego(velocity, steps), Track(OTHER, LENGTH, x, y, np.full(steps, velocity), sideways)]
     tracks.append(Track(REVEALED, _REVEALED_LENGTH, np.full(steps, standing), still, still, still))
     if len(touches) and touches[0] > 0:
-        # It stands where it hits, at once: as another vehicle, since nobody would believe such a jump of its speed.
+        # It stands where it hits, at once: as another vehicle, since its speed jumps.
         end = int(touches[0])
         tracks[1] = replace(tracks[1], last=end - 1)
         tracks.append(Track(WRECK, LENGTH, np.full(steps, x[end]), np.full(steps, y[end]), still, still, first=end))

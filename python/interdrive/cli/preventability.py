@@ -74,9 +74,10 @@ def _print(found: list[tuple[str, Preventability]], *, as_csv: bool) -> None:
         table.add_row(name, row["kind"].replace("_", " "), *about, *verdicts, row["words"])
     if rows:
         print_table(output(), table, 1)
-    for kind, what in (("collision", "collisions"), ("near_miss", "near misses")):
+    for kind, one, many in (("collision", "collision", "collisions"), ("near_miss", "near miss", "near misses")):
         judged = [row["preventable_cc"] for _, row in rows if row["kind"] == kind]
         known = [verdict for verdict in judged if verdict is not None]
+        what = one if len(judged) == 1 else many
         print_text(
             f"{len(judged)} {what}: a careful and competent driver avoids {sum(known)} and hits in "
             f"{len(known) - sum(known)}; {len(judged) - len(known)} without a verdict"

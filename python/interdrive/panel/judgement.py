@@ -37,8 +37,8 @@ class PanelDrives:
 
     Attributes:
         runs: By name of the driver. drives: The drives in them.
-        hindrances: What others lose by each; empty where nobody can react.
-        without: The world without the agent; None where nobody can react.
+        hindrances: What others lose by each; empty where no vehicle can react.
+        without: The world without the agent; None where no vehicle can react.
         notes: What the user should know.
     """
 
@@ -127,7 +127,7 @@ def panel_score(
     wanted = sorted(set(run.outcomes.agent_id.tolist() if ids is None else ids) - set(overlapping))
     own = drives_of(run, wanted, chosen)
     if not has_recording(run):
-        raise InputError("score: the scenario file is gone or has changed, so nobody can drive in the agents' place")
+        raise InputError("score: the scenario file is gone or has changed, so no driver can take the agents' place")
     notes = [_SEVERAL] if len(own) > 1 else []
     found = []
     for number in list(own):
@@ -223,7 +223,7 @@ def judged(
 
 
 def _gates(drive: Drive, forced: set[int]) -> dict[str, float]:
-    """Gates with right of way decided: whoever went first had to brake hard, or not."""
+    """Gates with right of way decided: the vehicle that went first had to brake hard, or not."""
     gates = dict(drive.gates)
     if "right_of_way" in gates and not forced.isdisjoint(drive.cut_off_from):
         gates["right_of_way"] = 0.0

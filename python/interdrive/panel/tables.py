@@ -41,7 +41,7 @@ PANEL_COLUMNS = (
                 infinite=True,
             ),
             Column("lost", "number", "time that others lose by it, in vehicle seconds", "s"),
-            Column("forced", "truth", "somebody has to brake hard for it"),
+            Column("forced", "truth", "another vehicle has to brake hard for it"),
             Column("hits", "integer", "how often others hit it without its fault"),
             Column("cls", "number", "score in nuPlan's form", "1"),
             Column("epdms", "number", "score in the form of NAVSIM's EPDMS", "1"),

@@ -101,7 +101,7 @@ class World:
 
     @property
     def reacts(self) -> bool:
-        """Somebody else drives and does not just replay."""
+        """Another participant drives and does not just replay."""
         return any(not _is_replay(choice) for choice in self.others.values())
 
     def driven_by(self, planner: PlannerSpec) -> Run:

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 BROKEN = ("planner_error", "infeasible")
 ARRIVED = ("goal_reached", "goal_reached_late")
 
-#: What violations lower gates to. Right of way is decided by whether somebody had to brake hard.
+#: What violations lower gates to. Right of way is decided by whether another vehicle had to brake hard.
 _VIOLATIONS = {"red_light": 0.0, "crosswalk": 0.0, "stop_sign": 0.5, "right_of_way": 0.5}
 _WRONG_WAY = 0.5
 _SAID = {
     "red_light": "passed a red light",
-    "crosswalk": "did not give way to somebody on a crosswalk",
+    "crosswalk": "did not give way to a person on a crosswalk",
     "stop_sign": "passed a stop sign without standing",
     "right_of_way": "took the right of way of {}",
     "wrong_way": "drove the wrong way",
@@ -74,14 +74,14 @@ class Drive:
         dt: Time between states [s].
         time: Since the first state [s]. way: Distance on the reference path, largest until then [m].
         velocity: Speed [m/s]. s: Arc length on the reference path [m].
-        duration: Length of the drive [s]; up to the time limit if somebody who was at fault ended it.
+        duration: Length of the drive [s]; up to the time limit if another participant ended it by its fault.
         in_time: It reached its goal in time. arrived: It did, or later.
         gates: Values below 1 by name (`interdrive.scoring.total.GATES`). words: Why, by the same names.
         ttc: Term. comfort: Term.
         cut_off_from: Participants whose right of way it took.
         free: Free-flow times at multiples of 0.5 m of the way [s]; empty without a path.
-        hits: Who hit it when without its fault, and left: ids and seconds as text.
-        hit: Who ended the drive without its fault, and when; empty if nobody did.
+        hits: Participants that hit it without its fault, and left: ids and seconds as text.
+        hit: The participant that ended the drive without the agent's fault, and when; empty without one.
     """
 
     agent_id: int
@@ -321,7 +321,7 @@ class _Drive:
         return sorted(found, key=lambda stop: stop.way)
 
     def _stop(self, line: StopLine) -> tuple[tuple[tuple[float, float], ...], float] | None:
-        """When a line is closed [s since the start], and how long everybody has to stand there; None if neither."""
+        """When a line is closed [s since the start], and how long a vehicle has to stand there; None if neither."""
         duration = RulesSettings().stop_duration if line.has_stop_sign else 0.0
         route = set(self.record.route_lanelet_ids)
         ways = [following for following, _ in line.light_ids if following in route]

@@ -61,7 +61,7 @@ class Verdict:
 
 
 def is_thing(run: RunRecord, participant_id: int) -> bool:
-    """Whether a participant is a thing, not somebody in traffic: a fault against it counts half."""
+    """Whether a participant is a thing, not a road user: a fault against it counts half."""
     states = run.states
     row = int(np.searchsorted(states.participant_id, participant_id))
     kind = states.kinds[row]

@@ -1,4 +1,4 @@
-"""Free flow: the least time in which a way can be driven lawfully, if nobody else is there."""
+"""Free flow: the least time in which a way can be driven lawfully on an empty road."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Stop:
     Attributes:
         way: Where it would stand, counted from the start [m].
         closed: When the light there is not green, from and until [s since the start].
-        duration: How long everybody has to stand there [s]; 0 without a stop sign.
+        duration: How long a vehicle has to stand there [s]; 0 without a stop sign.
     """
 
     way: float

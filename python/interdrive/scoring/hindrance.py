@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 #: Less than this is not lost, and as far as this counts as there [m].
 _LOST_MIN, _THERE = 0.2, 0.05
-#: Somebody is forced to brake by so long a stretch [s] of so much mean deceleration [m/s²], so much more than without
+#: A vehicle is forced to brake by so long a stretch [s] of so much mean deceleration [m/s²], so much more than without
 #: the agent [m/s²], within this distance of it [m]. 3 m/s² is also what the rules call a comfortable stop.
 FORCED_TIME, FORCED_DECELERATION, _FORCED_MORE, _FORCED_WITHIN = 0.5, 3.0, 1.5, 40.0
 
@@ -44,9 +44,9 @@ class Hindrance:
     """What others lose by a drive.
 
     Attributes:
-        lost: Together [vehicle seconds]; nan where nobody can react.
+        lost: Together [vehicle seconds]; nan where no vehicle can react.
         losers: Time lost by each vehicle that loses some [s], by id.
-        forced: Who has to brake hard, by id.
+        forced: Ids of the vehicles that have to brake hard.
     """
 
     lost: float = math.nan

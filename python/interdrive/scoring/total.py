@@ -33,8 +33,8 @@ class Facts:
         in_time: It reached its goal in time. arrived: It did, or later.
         gates: Values below 1 of `GATES`.
         ttc: 1 or 0; nan without. comfort: 1 or 0; nan without.
-        lost: Time that others lose by it [vehicle seconds]; nan where nobody can react.
-        forced: Somebody has to brake hard for it who does not for every driver of the panel.
+        lost: Time that others lose by it [vehicle seconds]; nan where no vehicle can react.
+        forced: A vehicle has to brake hard for it that does not for every driver of the panel.
         panel_times: Times that the drivers take for the way [s]; inf: not that far.
         panel_arrived: Some driver arrives.
         panel_gates: As `gates`. panel_ttc: As `ttc`. panel_comfort: As `comfort`. panel_lost: As `lost`.

@@ -233,7 +233,7 @@ pub(super) fn plan(
         let wish = ((desired(s) - v) / dt).min(APPROACH).min(slowing).max(-lawful::SLOWING_MAX);
         let follow = |gap: f64, leader: f64| law.following(v, gap, leader);
         let taken = conflicts.allowed(point, &ego, (s, v), (law.minimum_gap, true), follow) - law.acceleration;
-        // Whoever reacts keeps its speed or brakes, whatever it wishes.
+        // A driver that reacts keeps its speed or brakes, whatever it wishes.
         wish.min(driven) + taken.min(0.0)
     };
     let run = |conflicts: &Conflicts, motions: &mut Vec<PathMotion>| {

@@ -108,7 +108,7 @@ impl Driver {
             }
             Self::Rss => {
                 let r = REACTION_TIME;
-                // The leader may be as much slower as the reaction takes, and nobody reverses.
+                // The leader may be as much slower as the reaction takes, and no vehicle reverses.
                 let slower = (velocity - 2.0 * rss::JRC.acceleration * r).max(0.0);
                 let reach = rss::JRC.braking_way(velocity);
                 reach - slower * slower / (2.0 * rss::JRC.braking_max) + rss::JRC.acceleration * r * r
@@ -226,7 +226,7 @@ impl Reaction {
         Self { driver, left: driver.delay(), built_up, has_begun: false }
     }
 
-    /// Who reacts.
+    /// The driver that reacts.
     pub fn driver(&self) -> Driver {
         self.driver
     }
