@@ -33,8 +33,8 @@ def test_a_bend_is_cut_within_the_lane_where_the_setting_asks_for_it():
     middle, across = in_a_bend()
     cut, gentler = in_a_bend(**CUTTING)
     assert np.abs(middle - 15.0).max() < 0.3, "m"
-    # The rear axle may be 0.7 m inside, and the steering law looks ahead, which takes it 0.16 m further. Half the lane is
-    # 1.75 m wide, half the vehicle 0.805 m, and its axle is 0.07 m further inside than its middle.
+    # The rear axle may be 0.7 m inside, and the steering law looks ahead, which takes it 0.16 m further. Half the lane
+    # is 1.75 m wide, half the vehicle 0.805 m, and its axle is 0.07 m further inside than its middle.
     assert 15.0 - cut.max() > 0.55, "m"
     assert 15.0 - cut.min() + 0.07 < 1.75 - 0.805, "m"
     assert gentler < across, "m/s²"

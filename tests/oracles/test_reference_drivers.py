@@ -1,10 +1,6 @@
-"""Reference drivers against JRC-FSM 01b05c2, run as a black box, and `ad-rss` 5.0.0: tables that others made.
-
-`INTERDRIVE_JRC_TABLES` names the folder of the tables.
-"""
+"""Reference drivers against JRC-FSM 01b05c2, run as a black box, and `ad-rss` 5.0.0: tables of what they answered."""
 
 import csv
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +8,13 @@ import pytest
 
 from interdrive.reference_drivers import car_following, cut_in, cut_out, rss
 
-FOLDER = Path(os.environ.get("INTERDRIVE_JRC_TABLES", Path(__file__).resolve().parents[3] / "shared/spec/score"))
+FOLDER = Path(__file__).parent / "reference_drivers"
 CUT_IN = {"cc": "CC_human_driver", "fsm": "FSM", "rss": "RSS", "r157": "Reg157"}
 AHEAD = {name: column for name, column in CUT_IN.items() if name != "r157"}
 
 
 def table(name):
-    path = FOLDER / name
-    if not path.is_file():
-        pytest.skip(f"no table {path}: set INTERDRIVE_JRC_TABLES to the folder of the tables")
-    with path.open(newline="") as file:
+    with (FOLDER / name).open(newline="") as file:
         return list(csv.DictReader(file))
 
 
