@@ -58,6 +58,15 @@ def scenarios_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
+def inputs_folder() -> Path:
+    """Folder of maps and recordings of other tools, which may not be shipped; `INTERDRIVE_INPUTS` says where it is."""
+    folder = Path(os.environ.get("INTERDRIVE_INPUTS", ROOT.parent / "shared" / "inputs"))
+    if not folder.is_dir():
+        pytest.skip(f"no maps of other tools in {folder}: set INTERDRIVE_INPUTS to their folder")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def recorded_scenarios(scenarios_folder) -> dict[str, Scenario | InputError]:
     """Every recorded scenario by its path in the folder, read once; the error of those that are refused."""
     found: dict[str, Scenario | InputError] = {}

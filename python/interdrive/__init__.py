@@ -35,6 +35,7 @@ _HOME = {
     "ScenarioSpec": "files",
     "join": "files",
     "read_scenario": "files",
+    "read_source": "files",
     "scenario_from_commonroad": "files",
     "shipped_scenario": "files",
     "shipped_scenarios": "files",

@@ -24,6 +24,7 @@ from interdrive.files import (
     ScenarioSpec as ScenarioSpec,
     join as join,
     read_scenario as read_scenario,
+    read_source as read_source,
     scenario_from_commonroad as scenario_from_commonroad,
     shipped_scenario as shipped_scenario,
     shipped_scenarios as shipped_scenarios,

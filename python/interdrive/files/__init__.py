@@ -6,6 +6,7 @@ from interdrive.files.read import (
     join,
     open_scenario,
     read_scenario,
+    read_source,
     scenario_from_commonroad,
     scenario_parts,
 )
@@ -23,6 +24,7 @@ __all__ = [
     "join",
     "open_scenario",
     "read_scenario",
+    "read_source",
     "road_losses",
     "run_document",
     "scenario_document",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -307,21 +308,30 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
         benchmark_id: It begins with the country.
         facts: What commonroad-io does not pass on.
     """
-    country = _country(benchmark_id)
     ranks: dict[int, tuple[int, int, int]] = {}
     # Of several signs at a lanelet the lowest rank counts.
     for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):
         here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
         ranks |= dict.fromkeys(here, _RANKS[name])
-    minor = [int(i) for i, kinds in zip(lanelets.ids, lanelets.types, strict=True) if _MINOR.intersection(kinds)]
     turns: list[tuple[int, Turn]] = sorted(_stated_turns(network).items())
-    return Priorities(
+    of_map = priorities_of_map(lanelets, benchmark_id)
+    return replace(
+        of_map,
         turns=tuple((number, turn) for number, turn in turns if number in lanelets.ids),
         ranks=tuple(sorted(ranks.items())),
+        derives_main_road=of_map.derives_main_road or facts.version == "2018b",
+    )
+
+
+def priorities_of_map(lanelets: Lanelets, benchmark_id: str) -> Priorities:
+    """What follows from lanelets and country alone: the side of driving, minor roads, rules of the country."""
+    country = _country(benchmark_id)
+    minor = [int(i) for i, kinds in zip(lanelets.ids, lanelets.types, strict=True) if _MINOR.intersection(kinds)]
+    return Priorities(
         minor=tuple(minor),
         left_hand=(driving_side(lanelets) or ("left" if country in _LEFT_HAND else "right")) == "left",
         priority_side={"JPN": "left", "GBR": "none"}.get(country, "right"),  # type: ignore[arg-type]
-        derives_main_road=country in _MAIN_ROAD or facts.version == "2018b",
+        derives_main_road=country in _MAIN_ROAD,
     )
 
 

@@ -24,6 +24,7 @@ from interdrive.files.numbers import check_message
 from interdrive.files.references import dangling_in_file
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
+from interdrive.files.sources import OptionValue, SourceFile, SourceOptions, recognised, scenario_of
 from interdrive.recordings import joined, repaired
 from interdrive.scenario import Scenario
 from interdrive.scenario.limits import require_scenario
@@ -71,15 +72,44 @@ def read_scenario(path: str | os.PathLike[str], *, raw: bool = False) -> Scenari
         InputError: The file cannot be used; one line names it and says what to do.
     """
     path = Path(path)
-    data = _bytes(path)
     if path.suffix.lower() not in PROTOBUF_ENDINGS:
-        return read_document(data, str(path), path, raw=raw)
+        return _read_any(path, SourceOptions(), raw=raw)
+    data = _bytes(path)
     file, sha256 = str(path), hashlib.sha256(data).hexdigest()
     with quiet(file) as remarks:
         scenario, problems, lacking = open_protobuf(path, data)
         facts = document.Facts(notes=lacking)
         result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
     return _repaired(_with_remarks(result, remarks), raw=raw)
+
+
+def read_source(path: str | os.PathLike[str], *, raw: bool = False, **options: OptionValue) -> Scenario:
+    """Reads a map or a recording of another tool as a scenario; CommonRoad files as `read_scenario` does.
+
+    Args:
+        path: The file or folder; its format is recognised by its content, never by its name.
+        raw: Read recordings without repairs, as in `read_scenario`.
+        options: `SourceOptions` by name, as texts or values: `dt=0.1`, `keep=["bus"]`, `map="town.xodr"`.
+
+    Returns:
+        The scenario; `source` names format, files and options, `notes` count what was left out.
+
+    Raises:
+        InputError: It cannot be read; one line names it and says what to do.
+    """
+    return _read_any(Path(path), SourceOptions.read(options), raw=raw)
+
+
+def _read_any(path: Path, options: SourceOptions, *, raw: bool) -> Scenario:
+    file = SourceFile(path)
+    found = recognised(file)
+    if found is not None:
+        with quiet(str(path)):
+            return _repaired(scenario_of(file, found, options), raw=raw)
+    if file.is_folder:
+        raise InputError(f"{path}: is a folder; give a CommonRoad file in it")
+    scenario = read_document(file.data, str(path), path, raw=raw)
+    return dataclasses.replace(scenario, sha256=file.files[0][1])
 
 
 def read_document(data: bytes, file: str, path: Path | None = None, *, raw: bool = False) -> Scenario:

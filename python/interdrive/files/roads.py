@@ -9,7 +9,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.etree.ElementTree import Element, SubElement, tostring
+from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
 from interdrive.errors import InputError
 from interdrive.files import document
@@ -59,7 +59,7 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
         The header, the elements of the road (lanelets, signs, lights, intersections, in the order of the format) as
         text, and the ids that they use.
     """
-    root = _original(scenario)
+    root = None if scenario.source is not None else _original(scenario)
     if root is None:
         root = network_document(scenario)
     elif root.get("commonRoadVersion") == "2018b":
@@ -68,7 +68,7 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
     elements = [element for tag in ROAD_TAGS for element in root.iterfind(tag)]
     ids = {int(element.get("id", "0")) for element in elements}
     ids |= {int(incoming.get("id", "0")) for incoming in root.iterfind("intersection/incoming")}
-    return _header(root), [_text(element) for element in elements], ids
+    return _header_of(scenario, root), [_text(element) for element in elements], ids
 
 
 def _set_cycles(root: Element, scenario: Scenario) -> None:
@@ -91,6 +91,19 @@ def _text(element: Element) -> str:
         if len(inner) and not (inner.text or "").strip():
             inner.text = None
     return tostring(element, encoding="unicode")
+
+
+def _header_of(scenario: Scenario, root: Element) -> Header:
+    header, source = _header(root), scenario.source
+    if source is None:
+        return header
+    files = ", ".join(name for name, _ in source.files)
+    header = replace(header, source=f"{source.format} {files}")
+    if not source.location:
+        return header
+    location = fromstring(UNKNOWN_LOCATION)
+    SubElement(SubElement(location, "geoTransformation"), "geoReference").text = source.location
+    return replace(header, location=_text(location))
 
 
 def _header(root: Element) -> Header:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 #: What says where a scenario came from, or follows from the rest.
-_ASIDE = frozenset(("name", "path", "sha256", "notes", "raw", "turned", "overlaps", "derived"))
+_ASIDE = frozenset(("name", "path", "sha256", "notes", "raw", "turned", "overlaps", "derived", "source"))
 #: Headings that differ by less than this are the same [rad].
 _SAME_HEADING = 1e-12
 #: What may be different for lack of a place in the format, and how it can be stated.

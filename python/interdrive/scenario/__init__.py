@@ -11,6 +11,7 @@ from interdrive.scenario.model import (
     Obstacles,
     PlanningProblem,
     Scenario,
+    ScenarioSource,
 )
 from interdrive.scenario.shape import Shape
 
@@ -26,6 +27,7 @@ __all__ = [
     "PlanningProblem",
     "Priorities",
     "Scenario",
+    "ScenarioSource",
     "Shape",
     "Signal",
     "StopLine",

@@ -245,8 +245,30 @@ class Incoming:
 
 
 @dataclass(frozen=True)
+class ScenarioSource:
+    """Files of another format from which a scenario was made.
+
+    Attributes:
+        format: Name of the format, such as "OpenDRIVE".
+        files: Name and SHA-256 of every file that was read; the first one is that of the scenario.
+        options: Name and text of every option that was not the default.
+        keys: What the source calls each lanelet, in their order.
+        location: Where on earth the roads are, in the words of the source; empty: unknown.
+    """
+
+    format: str
+    files: tuple[tuple[str, str], ...]
+    options: tuple[tuple[str, str], ...] = ()
+    keys: tuple[str, ...] = ()
+    location: str = ""
+
+    def __repr__(self) -> str:
+        return f"<ScenarioSource: {self.format}, {', '.join(name for name, _ in self.files)}>"
+
+
+@dataclass(frozen=True)
 class Scenario:
-    """The contents of a CommonRoad file.
+    """The contents of a CommonRoad file, or of a file of another format.
 
     Attributes:
         name: Name of the file without its ending, or the benchmark id of a scenario that came from memory.
@@ -266,6 +288,7 @@ class Scenario:
         raw: Its recordings were not repaired, see `interdrive.read_scenario`.
         turned: Angle by which all headings were turned when the file was read [rad].
         overlaps: Pairs of ids of recorded participants that overlap at some time; ascending.
+        source: The files from which it was made; None: it is that of a CommonRoad file, or came from memory.
     """
 
     name: str
@@ -285,6 +308,7 @@ class Scenario:
     raw: bool = False
     turned: float = 0.0
     overlaps: tuple[tuple[int, int], ...] = ()
+    source: ScenarioSource | None = None
 
     @property
     def overlapping(self) -> frozenset[int]:
