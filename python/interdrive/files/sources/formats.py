@@ -40,6 +40,12 @@ def _root(name: str) -> Callable[[SourceFile], bool]:
 # A reader is imported when it is needed: most runs need none.
 
 
+def _opendrive(file: SourceFile, options: SourceOptions) -> Source:
+    from interdrive.files.sources.opendrive.reader import read  # noqa: PLC0415
+
+    return read(file, options)
+
+
 def _sumo(file: SourceFile, options: SourceOptions) -> Source:
     from interdrive.files.sources.sumo_net import read  # noqa: PLC0415
 
@@ -47,4 +53,7 @@ def _sumo(file: SourceFile, options: SourceOptions) -> Source:
 
 
 #: In the order in which they are tried.
-FORMATS = (Format("SUMO net", _root("net"), _sumo),)
+FORMATS = (
+    Format("OpenDRIVE", _root("OpenDRIVE"), _opendrive),
+    Format("SUMO net", _root("net"), _sumo),
+)

@@ -58,10 +58,18 @@ class _Network:
         for place, lane in enumerate(self.lanes):
             if lane is None:
                 notes.leave_out("lanes", "shorter than 1 mm")
+                self._bridge(place)
             elif float(np.hypot(*(lane.left - lane.right).T).max()) < _NARROW:
                 notes.leave_out("lanes", f"narrower than {_NARROW:g} m")
                 self.lanes[place] = None
         self._keep_links()
+
+    def _bridge(self, place: int) -> None:
+        """What leads to a lane of no length leads to what follows it."""
+        before = [a for a, b in self.links if b == place != a]
+        after = [b for a, b in self.links if a == place != b]
+        self.links = [link for link in self.links if place not in link]
+        self.links += [(a, b) for a in before for b in after if (a, b) not in self.links]
 
     def open_closed(self) -> None:
         """Cuts lanes whose end is their start in two."""
@@ -105,7 +113,7 @@ class _Network:
         joined: set[int] = set()
         for place in self.order:
             lane = self.lanes[place]
-            if place in joined or lane is None or not _is_short(lane):
+            if place in joined or lane is None or not lane.road or not _is_short(lane):
                 continue
             group = self._beside(place)
             joined |= group
@@ -143,7 +151,7 @@ class _Network:
                 return None
             back = [a if out else b for a, b in self.links if (b if out else a) == others[0]]
             other = self.lanes[others[0]]
-            if back != [place] or other is None or not _meets(lane, other, out=out):
+            if back != [place] or other is None or other.road != lane.road or not _meets(lane, other, out=out):
                 return None
             found[place] = others[0]
         return found if len(set(found.values())) == len(found) else None

@@ -26,6 +26,7 @@ class Lane:
         kind: CommonRoad's type of lanelet.
         left_neighbour: Position of the left neighbour in `Roads.lanes`, and whether it runs in the same direction.
         right_neighbour: The same for the right one.
+        road: Name of the road of which it is a piece; very short pieces are joined to the next of the same road.
     """
 
     key: str
@@ -37,6 +38,7 @@ class Lane:
     kind: str = "urban"
     left_neighbour: tuple[int, bool] | None = None
     right_neighbour: tuple[int, bool] | None = None
+    road: str = ""
 
 
 @dataclass

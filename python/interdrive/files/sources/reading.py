@@ -38,6 +38,12 @@ def scenario_of(file: SourceFile, found: Format, options: SourceOptions) -> Scen
     lanelets, keys = lanelets_of(source.roads, source.notes)
     name = stem(file.path)
     benchmark_id = f"{options.country or _NOWHERE}_{re.sub('[^A-Za-z0-9]', '', name) or 'Map'}-1_1_T-1"
+    of_map = priorities_of_map(lanelets, benchmark_id)
+    if source.roads.left_hand is not None and source.roads.left_hand != of_map.left_hand:
+        side, example = ("left", "GBR") if source.roads.left_hand else ("right", "DEU")
+        source.notes.say(
+            f"vehicles drive on the {side}, which the lanelets do not show: give --country, e.g. {example}"
+        )
     scenario = Scenario(
         name=readable(name),
         benchmark_id=benchmark_id,
@@ -48,7 +54,7 @@ def scenario_of(file: SourceFile, found: Format, options: SourceOptions) -> Scen
         path=file.path,
         sha256=_hash(file),
         notes=source.notes.lines(),
-        priorities=priorities_of_map(lanelets, benchmark_id),
+        priorities=of_map,
         source=ScenarioSource(
             format=found.name,
             files=file.files,

@@ -1,0 +1,1 @@
+"""OpenDRIVE: records of a document, curves, borders, links, lines; `reader` puts them together."""
