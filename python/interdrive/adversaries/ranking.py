@@ -6,17 +6,18 @@ import math
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST
-from interdrive.adversaries.trial import Drive, Place, trial
+from interdrive.adversaries.trial import PREDICTOR, TRAFFIC, Drive, Place, trial
 from interdrive.benchmarks.sets import find_files, read_set
 from interdrive.comparison.scores import interval
 from interdrive.errors import InputError
-from interdrive.panel import PANEL
+from interdrive.panel import PANEL, PanelFolder
 from interdrive.results import software
 from interdrive.storage import replacing, write_json
 
@@ -107,6 +108,7 @@ def rank_adversaries(
     agents: int = 2,
     workers: int | None = None,
     out: str | Path | None = None,
+    panel: str | Path | None = None,
     on_place: Callable[[int, int], None] | None = None,
 ) -> Ranking:
     """Drives honest drivers and adversaries in the same places, and says whether the score ranks them as it should.
@@ -121,6 +123,7 @@ def rank_adversaries(
         agents: At most so many agents per file, the first ones of the set.
         workers: Processes; all cores by default.
         out: Folder for adversaries.json; None: nothing is written.
+        panel: Folder of a stored panel, which is not driven again; None: what is driven is stored in `out`.
         on_place: Called after every agent with how many are done, and how many there are.
 
     Raises:
@@ -140,9 +143,12 @@ def rank_adversaries(
     places = [
         Place(found[file.sha256], file.name, file.place, number) for file in there for number in file.agents[:agents]
     ]
+    stored = PanelFolder.open(panel) if panel is not None else None
+    if stored is None and out is not None:
+        stored = PanelFolder.create(Path(out) / "panel", PANEL, f"{set}, split {split}, {TRAFFIC}, {PREDICTOR}")
     rows: list[Drive] = []
     problems = list(missing)
-    for done, answer in enumerate(_trials(places, workers), start=1):
+    for done, answer in enumerate(_trials(places, workers, stored), start=1):
         if isinstance(answer, str):
             problems.append(answer)
         else:
@@ -157,13 +163,14 @@ def rank_adversaries(
     return ranking
 
 
-def _trials(places: Sequence[Place], workers: int | None) -> Iterable[list[Drive] | str]:
+def _trials(places: Sequence[Place], workers: int | None, stored: PanelFolder | None) -> Iterable[list[Drive] | str]:
     """Answers in the order of the places, however many processes work."""
+    tried = partial(trial, stored=stored)
     if workers == 1 or len(places) == 1:
-        yield from map(trial, places)
+        yield from map(tried, places)
         return
     with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(trial, places)
+        yield from pool.map(tried, places)
 
 
 def ranked(rows: Sequence[Drive], missing: Sequence[str]) -> Ranking:

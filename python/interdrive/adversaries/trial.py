@@ -11,17 +11,19 @@ from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
 from interdrive.panel import PANEL
-from interdrive.panel.judgement import judged, panel_drives
+from interdrive.panel.judgement import panel_drives
 from interdrive.panel.worlds import World
 from interdrive.scoring import ScoringSettings
-from interdrive.scoring.drive_facts import drives_of
+from interdrive.scoring import drive_facts as facts
+from interdrive.scoring.hindrance import Hindrance, hindrance_of
+from interdrive.scoring.judgement import judged
 from interdrive.simulation import Simulation, simulate
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.config.specs import PlannerSpec
-    from interdrive.runs import Run
+    from interdrive.panel.stored import PanelFolder
     from interdrive.scenario import Scenario
 
 #: How the others drive, and what all expect of each other.
@@ -64,15 +66,15 @@ class Drive:
     why: str
 
 
-def trial(place: Place) -> list[Drive] | str:
+def trial(place: Place, stored: PanelFolder | None = None) -> list[Drive] | str:
     """All drivers in the place of an agent; in one line why there are none if the agent cannot be driven."""
     try:
-        return _trial(place)
+        return _trial(place, stored)
     except InterdriveError as error:
         return f"{place.file}, agent {place.agent_id}: {error}"
 
 
-def _trial(place: Place) -> list[Drive]:
+def _trial(place: Place, stored: PanelFolder | None) -> list[Drive]:
     scenario, settings = read_scenario(place.path), ScoringSettings()
     planner: dict[int | str, PlannerSpec] = {place.agent_id: "lawful", "default": TRAFFIC}
     first = simulate(
@@ -83,22 +85,27 @@ def _trial(place: Place) -> list[Drive]:
         threads=1,
     )
     world = World.of(first, place.agent_id)
-    panel = panel_drives(world, PANEL, settings, measures_hindrance=True)
-    runs: dict[str, Run] = {**panel.runs, HONEST: world.driven_by(Driver)}
+    panel = panel_drives(world, PANEL, settings, measures_hindrance=True, stored=stored)
     rows = []
 
-    def add(name: str, run: Run, *, base: Run | None) -> None:
-        drive = drives_of(run, [place.agent_id], settings)[place.agent_id]
-        _, total, _, reasons = judged(drive, run, panel, settings)
-        acts = base is None or _differs(run, base, place.agent_id)
+    def driven(planner: PlannerSpec) -> tuple[facts.Drive, Hindrance]:
+        run = world.driven_by(planner)
+        drive = facts.drives_of(run, [place.agent_id], settings)[place.agent_id]
+        return drive, Hindrance() if panel.without is None else hindrance_of(drive, run, panel.without)
+
+    def add(name: str, drive: facts.Drive, taken: Hindrance, base: facts.Drive | None) -> None:
+        _, total, reasons = judged(drive, taken, panel, settings)
+        acts = base is None or _differs(drive, base)
         rows.append(
             Drive(name, place.file, place.road, place.agent_id, total.score, drive.in_time, acts, "; ".join(reasons))
         )
 
-    for name, run in runs.items():
-        add(name, run, base=None)
+    honest = {name: (drive, panel.hindrances.get(name, Hindrance())) for name, drive in panel.drives.items()}
+    honest[HONEST] = driven(Driver)
+    for name, (drive, taken) in honest.items():
+        add(name, drive, taken, None)
     for adversary in ADVERSARIES:
-        add(adversary.name, world.driven_by(adversary.planner), base=runs[adversary.base])
+        add(adversary.name, *driven(adversary.planner), honest[adversary.base][0])
     return rows
 
 
@@ -109,14 +116,8 @@ def _others(scenario: Scenario, agent_id: int) -> list[int]:
     return [agent.id for agent in found if agent.id != agent_id and agent.id in recorded]
 
 
-def _differs(run: Run, base: Run, agent_id: int) -> bool:
+def _differs(drive: facts.Drive, base: facts.Drive) -> bool:
     """The agent is elsewhere at some step, or ends at another one."""
-    tracks = []
-    for one in (run, base):
-        row = int(np.searchsorted(one.states.participant_id, agent_id))
-        there = one.states.valid[row]
-        tracks.append(np.stack([one.states.x[row, there], one.states.y[row, there]]))
-    own, other = tracks
-    if own.shape != other.shape:
+    if drive.x.shape != base.x.shape:
         return True
-    return bool(np.hypot(*(own - other)).max(initial=0.0) > _DIFFERENT)
+    return bool(np.hypot(drive.x - base.x, drive.y - base.y).max(initial=0.0) > _DIFFERENT)

@@ -116,7 +116,7 @@ def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | Problem:
     if spec.problem is not None:
         return spec.problem
     try:
-        return _ids(spec, _read(job)[0])
+        return _ids(spec, read_scenario_of(job)[0])
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001 - likewise
@@ -125,9 +125,9 @@ def agents_of(job: Job, _attempts: int) -> tuple[int, ...] | Problem:
 
 def _finished(job: Job, attempts: int) -> Finished:
     spec = job.spec
-    scenario, read_seconds = _read(job)
+    scenario, read_seconds = read_scenario_of(job)
     start = time.perf_counter()
-    run, under_test = _simulated(spec, scenario)
+    run, under_test = simulated(spec, scenario)
     criticality = run.criticality(threads=1)
     scores = score(run, sorted(under_test - scenario.overlapping))
     run_seconds = time.perf_counter() - start
@@ -148,7 +148,7 @@ def _finished(job: Job, attempts: int) -> Finished:
     return Finished("finished", "", encoded(rows), _archive(run, scores) if kept else b"", outcomes)
 
 
-def _read(job: Job) -> tuple[Scenario, float]:
+def read_scenario_of(job: Job) -> tuple[Scenario, float]:
     """The scenario, and how long reading it took [s].
 
     Raises:
@@ -176,11 +176,11 @@ def _read(job: Job) -> tuple[Scenario, float]:
     return scenario, time.perf_counter() - start
 
 
-def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
+def simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
     """The run, and the ids of the agents under test."""
-    simulated = partial(simulate, scenario, predictor=spec.predictor, settings=spec.settings, seed=spec.seed, threads=1)
+    driven = partial(simulate, scenario, predictor=spec.predictor, settings=spec.settings, seed=spec.seed, threads=1)
     if spec.agents == "all":
-        run = simulated(agents="all", planner=spec.planner)
+        run = driven(agents="all", planner=spec.planner)
         return run, set(run.outcomes.agent_id.tolist()) - _unable(spec, run)
     ids, others = _ids(spec, scenario), []
     recorded = set(scenario.obstacles.ids.tolist())
@@ -197,7 +197,7 @@ def _simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
             (n for n in ids if not follows or n in recorded), spec.planner
         )
         planner = by_agent | {"default": spec.traffic}
-    run = simulated(agents=[*ids, *others], planner=planner)
+    run = driven(agents=[*ids, *others], planner=planner)
     return run, set(ids) - _unable(spec, run)
 
 

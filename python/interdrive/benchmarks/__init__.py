@@ -6,8 +6,20 @@ print(found.score, found.low, found.high)
 Sets, runs and what the number does not tell: docs/how_to/benchmark.md.
 """
 
+from interdrive.benchmarks.panels import StoredPanel, store_panel
 from interdrive.benchmarks.rows import Row
 from interdrive.benchmarks.run import Benchmark, benchmark
 from interdrive.benchmarks.sets import SPLITS, BenchmarkSet, SetFile, read_set, set_names
 
-__all__ = ["SPLITS", "Benchmark", "BenchmarkSet", "Row", "SetFile", "benchmark", "read_set", "set_names"]
+__all__ = [
+    "SPLITS",
+    "Benchmark",
+    "BenchmarkSet",
+    "Row",
+    "SetFile",
+    "StoredPanel",
+    "benchmark",
+    "read_set",
+    "set_names",
+    "store_panel",
+]

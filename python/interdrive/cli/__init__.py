@@ -27,6 +27,7 @@ from interdrive.cli.explain import explain
 from interdrive.cli.join import join
 from interdrive.cli.models import models
 from interdrive.cli.page import report
+from interdrive.cli.panel import panel
 from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
@@ -130,6 +131,7 @@ _GROUPS = {
         (compare, "Compare the planners of a batch, with confidence intervals."),
         (sql, "Query the results of a batch with SQL."),
         (benchmark, "Score a planner on a fixed set of scenarios."),
+        (panel, "Store what reference drivers reach on a set."),
         (adversaries, "Check that bad drivers rank below honest ones."),
         (alks, "Drive the manoeuvres of UN R157 over a grid."),
         (predict_eval, "Compare predictions with recordings."),

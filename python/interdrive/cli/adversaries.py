@@ -15,9 +15,17 @@ import click
 @click.option("--files", metavar="N", type=int, help="At most so many files, spread over the set (all).")
 @click.option("--agents", metavar="N", type=int, default=2, help="At most so many agents per file (2).")
 @click.option("--workers", metavar="N", type=int, help="Processes (all cores).")
+@click.option("--panel", metavar="DIR", help="Stored panel, which is not driven again (DIR/panel of --out).")
 @click.option("--out", metavar="DIR", default="out/adversaries", help="Folder for adversaries.json (out/adversaries).")
 def adversaries(
-    name: str, split: str, scenarios: str | None, files: int | None, agents: int, workers: int | None, out: str
+    name: str,
+    split: str,
+    scenarios: str | None,
+    files: int | None,
+    agents: int,
+    workers: int | None,
+    panel: str | None,
+    out: str,
 ) -> int:
     """Drive bad drivers and honest ones in the same places, and check that the score against a panel tells them apart.
 
@@ -37,6 +45,7 @@ def adversaries(
             agents=agents,
             workers=workers,
             out=out,
+            panel=panel,
             on_place=partial(report.counted, "agents driven"),
         )
     print_adversaries(found, Path(out))

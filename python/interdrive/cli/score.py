@@ -31,13 +31,20 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--panel",
-    type=click.Choice(("default", "none")),
-    help="Score against a panel: four drivers drive in the place of each agent (none: absolute).",
+    metavar="default|none|DIR",
+    help="Score against a panel: four drivers drive in the place of each agent (none: absolute; DIR: stored).",
 )
+@click.option("--no-rerun", is_flag=True, help="With --panel DIR: an agent that the stored panel lacks is an error.")
 @click.option("--trust", is_flag=True, help="With --panel: import planners that run.json names as module:object.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 def score(
-    folder: str, agents: str | None, assignments: tuple[str, ...], panel: str | None, trust: bool, as_csv: bool
+    folder: str,
+    agents: str | None,
+    assignments: tuple[str, ...],
+    panel: str | None,
+    no_rerun: bool,
+    trust: bool,
+    as_csv: bool,
 ) -> None:
     """Score the agents of a run from 0 to 100, with reasons for lost points.
 
@@ -45,13 +52,14 @@ def score(
     command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines the terms.
 
     With --panel, the command scores RUN by another definition (Scores against a panel). That simulates up to six runs
-    per agent and writes nothing.
+    per agent, unless DIR has them (interdrive panel), and writes nothing.
     """
     if panel is not None:
-        _score_against_panel(folder, agents, assignments, has_panel=panel == "default", trust=trust, as_csv=as_csv)
+        _score_against_panel(folder, agents, assignments, panel, no_rerun=no_rerun, trust=trust, as_csv=as_csv)
         return
-    if trust:
-        raise InputError("--trust belongs to --panel: nothing is repeated without it")
+    if trust or no_rerun:
+        option = "--trust" if trust else "--no-rerun"
+        raise InputError(f"{option} belongs to --panel: nothing is repeated without it")
     from interdrive.cli.score_report import print_batch_scores, print_scores  # noqa: PLC0415 - rich
 
     if (Path(folder) / "batch.json").exists():
@@ -96,11 +104,18 @@ def _say_preventable(run: RunRecord, ids: Sequence[int]) -> None:
 
 
 def _score_against_panel(
-    folder: str, agents: str | None, assignments: tuple[str, ...], *, has_panel: bool, trust: bool, as_csv: bool
+    folder: str,
+    agents: str | None,
+    assignments: tuple[str, ...],
+    panel: str,
+    *,
+    no_rerun: bool,
+    trust: bool,
+    as_csv: bool,
 ) -> None:
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
     from interdrive.cli.score_report import print_panel_scores  # noqa: PLC0415
-    from interdrive.panel import PANEL, panel_score, panel_table  # noqa: PLC0415 - needs the simulation
+    from interdrive.panel import PANEL, PanelFolder, panel_score, panel_table  # noqa: PLC0415 - needs the simulation
     from interdrive.runs import load  # noqa: PLC0415 - pyarrow
     from interdrive.scoring import ScoringSettings  # noqa: PLC0415
 
@@ -109,6 +124,10 @@ def _score_against_panel(
     given = {name.removeprefix("scoring."): value for name, value in assigned(assignments).items()}
     settings = bind(ScoringSettings(), given)
     ids = None if agents is None else id_list("--agents", agents)
+    stored = None if panel in ("default", "none") else PanelFolder.open(panel, is_complete=no_rerun)
+    if no_rerun and stored is None:
+        raise InputError(f"--no-rerun: --panel {panel} is no stored panel; give its folder")
+    drivers = stored.drivers if stored is not None else PANEL if panel == "default" else ()
     run = load(folder)
     with progress(quiet=as_csv) as report:
         report.say("driving in the agents' places")
@@ -116,7 +135,8 @@ def _score_against_panel(
             run,
             ids,
             settings,
-            panel=PANEL if has_panel else (),
+            panel=drivers,
+            stored=stored,
             trust=trust,
             threads=None,
             on_agent=partial(report.counted, "agents scored"),

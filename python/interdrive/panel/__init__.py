@@ -8,7 +8,19 @@ Definitions, sources and limits: docs/reference/panel_score.md.
 """
 
 from interdrive.panel.counterfactual import counterfactual
-from interdrive.panel.judgement import PANEL, PanelScore, panel_score
+from interdrive.panel.judgement import PANEL, PanelScore, panel_drives, panel_score
+from interdrive.panel.stored import PanelFolder
 from interdrive.panel.tables import PANEL_COLUMNS, panel_table
+from interdrive.panel.worlds import World
 
-__all__ = ["PANEL", "PANEL_COLUMNS", "PanelScore", "counterfactual", "panel_score", "panel_table"]
+__all__ = [
+    "PANEL",
+    "PANEL_COLUMNS",
+    "PanelFolder",
+    "PanelScore",
+    "World",
+    "counterfactual",
+    "panel_drives",
+    "panel_score",
+    "panel_table",
+]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive.config.agent_config import modules_named
-from interdrive.config.binding import bind
+from interdrive.config.binding import bind, flatten
 from interdrive.config.schema import CollisionSettings, SimulationSettings
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings
@@ -104,8 +106,27 @@ class World:
         """Another participant drives and does not just replay."""
         return any(not _is_replay(choice) for choice in self.others.values())
 
+    @property
+    def is_closed(self) -> bool:
+        """Only a file of a scenario and interdrive decide what happens in it: no code and no other file of the user."""
+        given = [self.others, self.options, self.rules, flatten(self.options["settings"])]
+        is_code = modules_named(dict(self.others), self.options["predictor"])
+        return bool(self.scenario.sha256) and not is_code and not any(map(_is_file, _texts(given)))
+
+    def content(self) -> dict[str, Any]:
+        """All that decides what happens but for the drivers in the agent's place, in plain values."""
+        options = {name: value for name, value in self.options.items() if name != "threads"}
+        return {
+            "scenario": [self.scenario.sha256, _hash(self.scenario)],
+            "agent": self.agent_id,
+            "others": {str(number): choice for number, choice in self.others.items()},
+            "present": sorted(self.present),
+            "rules": {str(number): rules for number, rules in self.rules.items()},
+            **{**options, "settings": flatten(options["settings"])},
+        }
+
     def driven_by(self, planner: PlannerSpec) -> Run:
-        """The same run with a driver that obeys all rules in the place of the agent."""
+        """The same run with a `planner` that obeys all rules in the place of the agent."""
         return simulate(
             self.scenario,
             agents=[self.agent_id, *self.others],
@@ -142,6 +163,37 @@ class World:
         return simulate(
             scenario, agents=list(self.others), planner=dict(self.others), rules=dict(self.rules), **self.options
         )
+
+
+def _texts(given: object) -> Iterator[str]:
+    """All texts in nested values."""
+    if isinstance(given, str):
+        yield given
+    elif isinstance(given, Mapping):
+        for value in given.values():
+            yield from _texts(value)
+    elif isinstance(given, list | tuple):
+        for value in given:
+            yield from _texts(value)
+
+
+def _is_file(text: str) -> bool:
+    try:
+        return text != "" and Path(text).expanduser().is_file()
+    except (OSError, ValueError, RuntimeError):  # too long, no such user
+        return False
+
+
+def _hash(scenario: Scenario) -> str:
+    """SHA-256 of roads and recordings, which may come from several files."""
+    found = hashlib.sha256()
+    for table in (scenario.lanelets, scenario.obstacles):
+        for item in fields(table):
+            value = getattr(table, item.name)
+            for array in value if isinstance(value, tuple) else (value,):
+                if isinstance(array, np.ndarray):
+                    found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
 
 
 def _choice(planner: object, agent_id: int) -> object:

@@ -73,7 +73,7 @@ class Drive:
         column: Column of its first state in the states of the run.
         dt: Time between states [s].
         time: Since the first state [s]. way: Distance on the reference path, largest until then [m].
-        velocity: Speed [m/s]. s: Arc length on the reference path [m].
+        velocity: Speed [m/s]. s: Arc length on the reference path [m]. x: Centre [m]. y: Centre [m].
         duration: Length of the drive [s]; up to the time limit if another participant ended it by its fault.
         in_time: It reached its goal in time. arrived: It did, or later.
         gates: Values below 1 by name (`interdrive.scoring.total.GATES`). words: Why, by the same names.
@@ -92,6 +92,8 @@ class Drive:
     way: Floats
     velocity: Floats
     s: Floats
+    x: Floats
+    y: Floats
     duration: float
     in_time: bool
     arrived: bool
@@ -194,6 +196,8 @@ class _Drive:
             way=np.maximum.accumulate(s) - s[0],
             velocity=motion.velocity,
             s=s,
+            x=motion.x,
+            y=motion.y,
             duration=max(lasted, self._time_limit()) if was_hit else lasted,
             in_time=self.outcome == ARRIVED[0],
             arrived=self.outcome in ARRIVED,

@@ -13,7 +13,7 @@ from interdrive.scenario.inspection import DRIVABLE_KINDS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from interdrive.array_types import Floats
+    from interdrive.array_types import Bools, Floats, Ints
     from interdrive.run import RunRecord
     from interdrive.scoring.drive_facts import Drive
 
@@ -54,7 +54,39 @@ class Hindrance:
     forced: Mapping[int, Braking] = field(default_factory=dict)
 
 
-def hindrance_of(drive: Drive, run: RunRecord, without: RunRecord) -> Hindrance:
+@dataclass(frozen=True)
+class Undisturbed:
+    """Vehicles of a world without the agent and its recording; arrays of shape (vehicles, steps).
+
+    Attributes:
+        participant_id: The vehicles, ascending, shape (vehicles,).
+        first_time_step: Of the first column.
+        valid: A vehicle is there. x: [m]. y: [m]. velocity: [m/s].
+    """
+
+    participant_id: Ints
+    first_time_step: int
+    valid: Bools
+    x: Floats
+    y: Floats
+    velocity: Floats
+
+    @classmethod
+    def of(cls, run: RunRecord) -> Undisturbed:
+        """All that can lose time, in a run without the agent."""
+        states = run.states
+        rows = [k for k, kind in enumerate(states.kinds) if kind in DRIVABLE_KINDS and not states.is_static[k]]
+        return cls(
+            states.participant_id[rows],
+            states.first_time_step,
+            states.valid[rows],
+            states.x[rows],
+            states.y[rows],
+            states.velocity[rows],
+        )
+
+
+def hindrance_of(drive: Drive, run: RunRecord, without: Undisturbed) -> Hindrance:
     """What others lose in a run by one of its drives.
 
     Args:
@@ -62,8 +94,8 @@ def hindrance_of(drive: Drive, run: RunRecord, without: RunRecord) -> Hindrance:
         run: The world with the agent.
         without: The same world without the agent and its recording.
     """
-    states, base = run.states, without.states
-    rows = {int(number): k for k, number in enumerate(base.participant_id.tolist())}
+    states = run.states
+    rows = {int(number): k for k, number in enumerate(without.participant_id.tolist())}
     own = int(np.searchsorted(states.participant_id, drive.agent_id))
     first = drive.column + states.first_time_step
     last = first + len(drive.time) - 1
@@ -86,11 +118,11 @@ def hindrance_of(drive: Drive, run: RunRecord, without: RunRecord) -> Hindrance:
 class _Pair:
     """One vehicle in both worlds, at the time steps at which both have it."""
 
-    def __init__(self, run: RunRecord, without: RunRecord, rows: tuple[int, int], window: tuple[int, int]) -> None:
+    def __init__(self, run: RunRecord, without: Undisturbed, rows: tuple[int, int], window: tuple[int, int]) -> None:
         self.run, self.without, self.rows, self.dt = run, without, rows, run.scenario.dt
         steps = np.arange(window[0], window[1] + 1)
         there = np.ones(len(steps), dtype=np.bool_)
-        for table, row in ((run.states, rows[0]), (without.states, rows[1])):
+        for table, row in ((run.states, rows[0]), (without, rows[1])):
             columns = steps - table.first_time_step
             inside = (columns >= 0) & (columns < table.valid.shape[1])
             there &= inside
@@ -98,7 +130,7 @@ class _Pair:
         self.steps = steps[there]
 
     def _taken(self, world: int, name: str) -> Floats:
-        table, row = ((self.run.states, self.rows[0]), (self.without.states, self.rows[1]))[world]
+        table, row = ((self.run.states, self.rows[0]), (self.without, self.rows[1]))[world]
         values: Floats = getattr(table, name)[row, self.steps - table.first_time_step]
         return values
 

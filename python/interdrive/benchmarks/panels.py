@@ -1,0 +1,125 @@
+"""Panels of sets: drives in the place of every agent, stored once and read by scores, benchmarks and adversaries."""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from interdrive.batches.job import Job, read_scenario_of, simulated
+from interdrive.batches.plan import planned
+from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE
+from interdrive.benchmarks.sets import find_files, read_set
+from interdrive.config.schema import SimulationSettings
+from interdrive.errors import InputError, InterdriveError
+from interdrive.panel import PANEL, PanelFolder, World, panel_drives
+from interdrive.scoring import ScoringSettings
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from interdrive.batches.plan import RunSpec
+    from interdrive.config.specs import PredictorSpecs
+
+#: What drives in the agent's place to find out what the world is; it is part of the panel anyway.
+_FIRST = "lawful"
+
+
+@dataclass(frozen=True)
+class StoredPanel:
+    """What `store_panel` did.
+
+    Attributes:
+        folder: Where the drives are. n_places: Agents, once per kind of traffic.
+        missing: Files that were not found, and agents that cannot be driven, one line each.
+    """
+
+    folder: Path
+    n_places: int
+    missing: tuple[str, ...]
+
+
+def store_panel(
+    *,
+    set: str = "shipped-2",  # noqa: A002 - the word for it
+    split: str = "dev",
+    scenarios: str | Path | None = None,
+    traffic: Sequence[str] = (NON_REACTIVE, REACTIVE),
+    predictor: PredictorSpecs = "neural",
+    out: str | Path = "out/panel",
+    workers: int | None = None,
+    on_place: Callable[[int, int], None] | None = None,
+) -> StoredPanel:
+    """Drives the panel in the place of every agent of a set and stores it; what is stored already is not driven.
+
+    Worker processes start new interpreters: a script that calls this needs `if __name__ == "__main__":`.
+
+    Args:
+        set: Name of a benchmark set.
+        split: Part of it.
+        scenarios: Folder that contains its files; None: `INTERDRIVE_SCENARIOS`.
+        traffic: How the others drive.
+        predictor: Of all agents.
+        out: Folder of the panel.
+        workers: Processes; all cores by default.
+        on_place: Called after every agent with how many are done, and how many there are.
+
+    Raises:
+        InputError: An unknown set or split, none of its files was found, or another panel is in the folder.
+        ResultsError: The folder cannot be used.
+    """
+    chosen = read_set(set)
+    wanted = chosen.of_split(split)
+    found, missing = find_files(wanted, scenarios)
+    there = [file for file in wanted if file.sha256 in found]
+    if not there:
+        raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
+    about = f"{set} {chosen.sha256[:12]}, split {split}, traffic {' and '.join(traffic)}, predictor {predictor}"
+    agents = {file.sha256: file.agents for file in there}
+    tasks = [
+        spec.of_agents([number])
+        for kind in traffic
+        for spec in planned(
+            [found[file.sha256] for file in there],
+            planner=_FIRST,
+            predictor=predictor,
+            agents="all",
+            traffic=kind,
+            alone=True,
+            seeds=1,
+            settings=SimulationSettings(),
+        ).specs
+        for number in agents[spec.sha256]
+    ]
+    folder = PanelFolder.create(out, PANEL, about)
+    problems = list(missing)
+    for done, problem in enumerate(_driven(tasks, folder, workers), start=1):
+        problems += [problem] if problem else []
+        if on_place is not None:
+            on_place(done, len(tasks))
+    return StoredPanel(folder.path, len(tasks), tuple(problems))
+
+
+def _driven(tasks: Sequence[RunSpec], folder: PanelFolder, workers: int | None) -> Iterable[str]:
+    stored = partial(_stored, folder=folder)
+    if workers == 1 or len(tasks) == 1:
+        yield from map(stored, tasks)
+        return
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(stored, tasks)
+
+
+def _stored(spec: RunSpec, folder: PanelFolder) -> str:
+    """Stores the drives in the place of one agent; in one line why there are none, else ""."""
+    assert isinstance(spec.agents, tuple)
+    number = spec.agents[0]
+    try:
+        run, _ = simulated(spec, read_scenario_of(Job(spec, "none"))[0])
+        if number not in run.scenario.overlapping:
+            panel_drives(World.of(run, number), PANEL, ScoringSettings(), measures_hindrance=True, stored=folder)
+    except InterdriveError as error:
+        return f"{spec.scenario}, agent {number}, {spec.traffic}: {error}"
+    return ""

@@ -1,0 +1,64 @@
+"""`interdrive panel`: drives of the panel stored for a benchmark set."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import click
+
+from interdrive.cli.arguments import shown
+from interdrive.cli.terminal import say
+from interdrive.errors import InputError
+
+#: Missing files and agents that are listed.
+_MISSING_MAX = 12
+
+
+@click.command()
+@click.option("--set", "name", metavar="SET", default="shipped-2", help="Benchmark set (shipped-2).")
+@click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev).")
+@click.option("--scenarios", metavar="DIR", help="Folder that contains the files of the set (INTERDRIVE_SCENARIOS).")
+@click.option(
+    "--traffic", metavar="NAME,NAME", default="recorded,velocity_adjusting", help="How the others drive (both)."
+)
+@click.option("--predictor", metavar="NAME", default="neural", help="Predictor of all agents (neural).")
+@click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (all cores).")
+@click.option("--out", metavar="DIR", help="Folder of the panel (out/panel-SET); what is in it is not driven again.")
+def panel(
+    name: str,
+    split: str,
+    scenarios: str | None,
+    traffic: str,
+    predictor: str,
+    workers: int | None,
+    out: str | None,
+) -> None:
+    """Drive the panel in the place of every agent of a set and store it, so that scores against it run nothing else.
+
+    `interdrive score`, `benchmark` and `adversaries` read the folder with --panel DIR. Its scores are those of a panel
+    that is driven anew, bit for bit. Agents are driven among replayed and among reacting traffic.
+    """
+    from interdrive.batches.plan import TRAFFIC  # noqa: PLC0415
+    from interdrive.benchmarks.panels import store_panel  # noqa: PLC0415 - needs the simulation
+    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+
+    kinds = tuple(kind.strip() for kind in traffic.split(","))
+    for kind in kinds:
+        if kind not in TRAFFIC[:2]:
+            raise InputError(f"--traffic {kind}: expected {' or '.join(TRAFFIC[:2])}")
+    with progress(quiet=False) as report:
+        found = store_panel(
+            set=name,
+            split=split,
+            scenarios=scenarios,
+            traffic=kinds,
+            predictor=predictor,
+            out=out or f"out/panel-{name}",
+            workers=workers,
+            on_place=partial(report.counted, "places driven"),
+        )
+    if found.missing:
+        say(f"partial: {len(found.missing)} files or agents are missing")
+        for line in found.missing[:_MISSING_MAX]:
+            say(f"- {line}")
+    say(f"{found.n_places} places, panel in {shown(found.folder)}")
