@@ -28,7 +28,7 @@ from interdrive.run.orders import orders_of
 from interdrive.run.reasons import STANDSTILL, reasons
 from interdrive.run.violations import violations
 from interdrive.runs import Run, RunInterrupted
-from interdrive.scenario import Scenario
+from interdrive.scenario import Scenario, SourceOptions
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
 from interdrive.scoring.hits import hits_among
@@ -101,9 +101,12 @@ class Simulation:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
         config = run_config(settings_of(settings), planner)
         self._predictor_config = read_predictor(predictor, config.settings.predictor)
-        self.scenario = open_scenario(scenario, raw=config.settings.recording.raw)
+        of_files = config.settings.source
+        self.scenario = open_scenario(scenario, raw=config.settings.recording.raw, source=of_files)
+        if self.scenario.source is not None:
+            of_files = SourceOptions.read(dict(self.scenario.source.options))
         self.seed = seed
-        self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw))
+        self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw), source=of_files)
         self._agents_wanted = normalized(agents)
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings)

@@ -349,7 +349,7 @@ def test_verify_refuses_another_scenario_file_and_takes_a_moved_one(simulated, h
 def test_check_prints_what_a_scenario_holds_and_goes_on_after_a_bad_one(here, monkeypatch):
     (here / "bad.xml").touch()
     monkeypatch.setattr(
-        files, "read_scenario", lambda path, *, raw: RUN.scenario if path.name == "bend.xml" else _refuse(path)
+        files, "open_scenario", lambda path, *, raw, source: RUN.scenario if path.name == "bend.xml" else _refuse(path)
     )
     done = invoke("check", "bad.xml", "bend.xml")
     assert done.exit_code == 2

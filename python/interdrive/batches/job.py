@@ -16,7 +16,7 @@ from interdrive.batches.columns import COLUMNS, NOT_ARRIVED, failure_row, finish
 from interdrive.batches.dataset import encoded
 from interdrive.batches.plan import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
-from interdrive.files import content_of_file, read_scenario, scenario_parts
+from interdrive.files import content_of_file, content_sha256, open_scenario, scenario_parts
 from interdrive.foreign import failure
 from interdrive.planners import RECORDED_PATH
 from interdrive.results import save
@@ -156,20 +156,23 @@ def read_scenario_of(job: Job) -> tuple[Scenario, float]:
         InterdriveError: It is gone, or has changed since the batch was planned: its key is that of another content.
     """
     spec = job.spec
-    raw = spec.settings.recording.raw
-    key = f"{spec.sha256}{spec.parts_sha256}{raw}"
+    raw, source = spec.settings.recording.raw, spec.settings.source
+    key = f"{spec.sha256}{spec.parts_sha256}{raw}{source.texts()}"
     if key in _AT_HAND:
         return _AT_HAND[key], 0.0
     start = time.perf_counter()
     if job.content is None:
-        content_of(spec)
-        scenario = read_scenario(spec.path, raw=raw)
+        if not Path(spec.path).is_dir():
+            content_of(spec)
+        scenario = open_scenario(Path(spec.path), raw=raw, source=source)
     else:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in job.content.items():
                 (Path(folder) / name).write_bytes(content)
-            scenario = replace(read_scenario(Path(folder) / Path(spec.path).name, raw=raw), path=Path(spec.path))
-    if scenario.sha256 != spec.sha256:
+            copied = open_scenario(Path(folder) / Path(spec.path).name, raw=raw, source=source)
+            scenario = replace(copied, path=Path(spec.path))
+    found = scenario.sha256 if scenario.source is None else content_sha256(Path(spec.path))
+    if found != spec.sha256:
         raise InterdriveError(f"{spec.path}: the file has changed since the batch was started")
     _AT_HAND.clear()
     _AT_HAND[key] = scenario

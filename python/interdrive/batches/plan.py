@@ -18,7 +18,14 @@ from interdrive.config.plugins import read_choice, versions
 from interdrive.config.schema import SimulationSettings
 from interdrive.config.specs import read_planner, read_predictor, spec_label
 from interdrive.errors import InputError
-from interdrive.files import content_of_input, scenario_file, scenario_parts, shipped_scenarios
+from interdrive.files import (
+    content_of_input,
+    content_sha256,
+    is_source,
+    scenario_file,
+    scenario_parts,
+    shipped_scenarios,
+)
 from interdrive.planners.workers import can_be_sent
 from interdrive.predictors.neural import SHIPPED
 from interdrive.storage.names import path_of, readable
@@ -37,8 +44,9 @@ TRAFFIC = ("recorded", "velocity_adjusting", "same")
 #: What tables call runs in which one agent of several is under test.
 ALONE = "alone"
 
-#: Endings of scenario files that are looked for in folders.
+#: Endings of scenario files that are looked for in folders; and of files that are scenarios if they are recognised.
 _ENDINGS = (".xml", ".pb")
+_SOURCE_ENDINGS = (".xodr", ".osm", ".gz", ".json", ".osi", ".mcap", ".parquet", ".csv")
 
 #: Files that mark folders whose scenarios are results.
 _RESULT_MARKS = ("run.json", "batch.json", "study.json")
@@ -227,7 +235,7 @@ def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], lis
     notes: list[str] = []
     for given in paths:
         path = Path(given)
-        if path.is_dir():
+        if path.is_dir() and not is_source(path):
             inside = list(_inside(path))
             if not inside:
                 raise InputError(f"{given}: this folder holds no scenario files ({', '.join(_ENDINGS)})")
@@ -258,9 +266,13 @@ def _inside(folder: Path, above: tuple[Path, ...] = ()) -> Iterable[Path]:
     for entry in entries:
         if entry.name.startswith("."):
             continue
-        if entry.is_dir():
+        if entry.is_dir() and is_source(entry):
+            yield entry
+        elif entry.is_dir():
             yield from _inside(entry, (*above, place))
-        elif entry.suffix in _ENDINGS and not _is_part(entry):
+        elif (entry.suffix in _ENDINGS and not _is_part(entry)) or (
+            entry.suffix in _SOURCE_ENDINGS and is_source(entry)
+        ):
             yield entry
 
 
@@ -270,6 +282,16 @@ def _is_part(path: Path) -> bool:
 
 
 def _file(path: Path, category: str) -> ScenarioFile:
+    if path.is_dir():
+        inner = [one.stat().st_size for one in path.iterdir() if one.is_file()]
+        return ScenarioFile(
+            path=str(path.resolve()),
+            name=readable(path.resolve().name),
+            category=readable(category),
+            sha256=content_sha256(path),
+            parts_sha256="",
+            size=sum(inner),
+        )
     content = content_of_input(path)
     parts = [content_of_input(part) for part in scenario_parts(path)]
     return ScenarioFile(

@@ -22,6 +22,7 @@ from interdrive.cli.batch import batch
 from interdrive.cli.benchmark import benchmark
 from interdrive.cli.check import check
 from interdrive.cli.compare import compare
+from interdrive.cli.convert import convert
 from interdrive.cli.criticality import criticality
 from interdrive.cli.explain import explain
 from interdrive.cli.join import join
@@ -113,6 +114,7 @@ _GROUPS = {
     "Run": (
         (run, "Simulate a scenario in which vehicles plan for themselves."),
         (check, "Inspect scenario files and list possible agents."),
+        (convert, "Convert a map or a recording of another tool to CommonRoad."),
         (join, "Join consecutive recordings into one file."),
         (verify, "Repeat a run and compare all states."),
         (study, "Replay an encounter at three degrees of interaction."),

@@ -25,14 +25,25 @@ raw_option = click.option(
 )
 
 
-def assigned(assignments: Sequence[str], *, raw: bool = False) -> dict[str, str]:
-    """Values of `--set` by dotted name, and that of `--raw`."""
+#: `--source` of all commands that read files of other tools.
+source_option = click.option(
+    "--source",
+    "source",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="How a file of another tool is read (source.NAME): map, dt, keep, ...; see `interdrive convert --help`.",
+)
+
+
+def assigned(assignments: Sequence[str], *, raw: bool = False, source: Sequence[str] = ()) -> dict[str, str]:
+    """Values of `--set` by dotted name, and those of `--raw` and `--source`."""
     values = {"recording.raw": "true"} if raw else {}
-    for text in assignments:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--set {text}: write it as name=value")
-        values[name.strip()] = value.strip()
+    for option, prefix, texts in (("--set", "", assignments), ("--source", "source.", source)):
+        for text in texts:
+            name, equals, value = text.partition("=")
+            if not equals:
+                raise InputError(f"{option} {text}: write it as name=value")
+            values[f"{prefix}{name.strip()}"] = value.strip()
     return values
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, raw_option, shown
+from interdrive.cli.arguments import assigned, raw_option, shown, source_option
 from interdrive.cli.config import BatchChoices, read_config
 from interdrive.config.binding import bind
 from interdrive.config.styles import style_settings
@@ -55,6 +55,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
 @raw_option
+@source_option
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
@@ -80,21 +81,22 @@ def batch(
     paths: tuple[str, ...],
     assignments: tuple[str, ...],
     raw: bool,
+    source: tuple[str, ...],
     config: str | None,
     quiet: bool,
     **given: Any,  # noqa: ANN401 - texts and flags
 ) -> int:
     """Run every combination of scenario, planner, predictor and seed, on all cores, into one data set.
 
-    PATHS are CommonRoad files, folders of them, or names of shipped scenarios. If you repeat the command, only missing
-    runs are done. Exit code 1: a run failed or a planner broke. Refused scenario files are rows of the table and not
-    failures.
+    PATHS are CommonRoad files, files of other tools, folders of them, or names of shipped scenarios. If you repeat the
+    command, only missing runs are done. Exit code 1: a run failed or a planner broke. Refused scenario files are rows
+    of the table and not failures.
     """
     given["paths"] = paths or None
     choices, settings = _configured(
         config,
         {name: value for name, value in given.items() if value not in (None, ())},
-        assigned(assignments, raw=raw),
+        assigned(assignments, raw=raw, source=source),
     )
     if choices.out is None:
         raise InputError("batch: no folder; give one with --out")

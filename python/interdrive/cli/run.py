@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import assigned, choices_by_agent, claimed_folder, named_files, raw_option, shown
+from interdrive.cli.arguments import (
+    assigned,
+    choices_by_agent,
+    claimed_folder,
+    named_files,
+    raw_option,
+    shown,
+    source_option,
+)
 from interdrive.cli.config import RunChoices, read_config
 from interdrive.cli.terminal import say
 from interdrive.config.binding import bind
@@ -64,6 +72,7 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
 )
 @raw_option
+@source_option
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
@@ -88,6 +97,7 @@ def run(
     file: str | None,
     assignments: tuple[str, ...],
     raw: bool,
+    source: tuple[str, ...],
     by_agent: tuple[str, ...],
     config: str | None,
     raises: bool,
@@ -96,15 +106,15 @@ def run(
 ) -> int:
     """Simulate a scenario in which vehicles plan for themselves.
 
-    FILE is a CommonRoad file or the name of a shipped scenario (t_junction, lane_merge, highway, intersection, signals,
-    town).
+    FILE is a CommonRoad file, the name of a shipped scenario (t_junction, lane_merge, highway, intersection, signals,
+    town), or a file of another tool (see `interdrive convert --help`).
     """
     given["scenario"] = file
     choices, own, settings = _configured(
         config,
         {name: value for name, value in given.items() if value is not None},
         by_agent,
-        assigned(assignments, raw=raw),
+        assigned(assignments, raw=raw, source=source),
     )
     if not choices.scenario:
         raise InputError("run: no scenario; give a CommonRoad file or the name of a shipped scenario")
@@ -116,12 +126,12 @@ def run(
     from interdrive.runs import RunInterrupted  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
 
-    source = scenario_file(choices.scenario)  # before anything else is done
+    path = scenario_file(choices.scenario)  # before anything else is done
     if choices.mp4:
         from interdrive.plots import check_animation  # noqa: PLC0415
 
         check_animation("run.mp4")
-    read = [*scenario_parts(source), source]
+    read = [*scenario_parts(path), path]
     read += named_files(config, vars(choices), *map(vars, own.values()), flatten(settings))
     with (
         claimed_folder(

@@ -57,8 +57,8 @@ def solution(
         return 0
     from interdrive.files.solution_check import check_solution  # noqa: PLC0415 - optional library
 
-    if run.scenario.path is None:
-        raise InputError(f"{folder}: the scenario came from memory; the checker needs its file")
+    if run.scenario.path is None or run.scenario.source is not None:
+        raise InputError(f"{folder}: the scenario is no CommonRoad file, which the checker needs")
     found = check_solution(document, run.scenario.path)
     for name, why in found.checks.items():
         say(f"{name}: {why or 'passed'}")

@@ -14,7 +14,10 @@ from interdrive.config.binding import bind
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
+
+    from interdrive.results.information import RunInformation
+    from interdrive.scenario import Scenario
 
 
 @click.command()
@@ -35,7 +38,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     from interdrive.simulation import simulate  # noqa: PLC0415
 
     info = read_results(folder).info
-    path = _scenario_file(folder, info, scenario)
+    simulated = _scenario(folder, info, scenario)
     try:
         wanted: dict[str, Any] = {**info["settings"]}
         if not info.get("finished", True):
@@ -58,7 +61,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
         _ask(folder, modules_named(wanted["planner"], wanted["predictor"]))
     with progress(quiet=False) as report:
         report.say("repeating the run")
-        again = simulate(path, threads=threads, on_step=report.step, **arguments)
+        again = simulate(simulated, threads=threads, on_step=report.step, **arguments)
         if not again.finished:
             raise KeyboardInterrupt
     equal = again.digest == info["digest"]
@@ -86,18 +89,27 @@ def _ask(folder: str, modules: Sequence[str]) -> None:
     )
 
 
-def _scenario_file(folder: str, info: Mapping[str, Any], given: str | None) -> Path:
-    """The file that was simulated, unchanged.
+def _scenario(folder: str, info: RunInformation, given: str | None) -> Path | Scenario:
+    """The file that was simulated, unchanged; what was made of a file of another format.
 
     Raises:
         InputError: The scenario did not come from a file, or the file is missing or has changed.
     """
     from interdrive.files import content_of_file  # noqa: PLC0415 - numpy
+    from interdrive.results.reader import source_again  # noqa: PLC0415
 
     stored = info["scenario"]
     if given is None and stored["path"] is None:
         raise InputError(f"{folder}: the scenario came from memory, not from a file; repeat the run in Python")
-    path = Path(given or stored["path"])
+    path = Path(given or stored["path"] or "")
+    source = info.get("source")
+    if source is not None:
+        if not path.exists():
+            raise InputError(f"{path}: the source of the run is gone; give its present path with --scenario")
+        again = source_again(path, source, info)
+        if again is None:
+            raise InputError(f"{path}: it, or a file that was read with it, has changed since the run")
+        return again
     try:
         content = content_of_file(path)
     except (OSError, ValueError) as cause:

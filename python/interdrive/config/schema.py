@@ -13,6 +13,7 @@ from interdrive.errors import InputError, check_between
 from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, V2xSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
+from interdrive.scenario import SourceOptions
 from interdrive.scenario.agents import AgentSettings, GoalSettings
 
 if TYPE_CHECKING:
@@ -112,6 +113,7 @@ class SimulationSettings:
 
     Attributes:
         recording: How recordings are read.
+        source: How maps and recordings of other tools are read.
         agents: Which vehicles may become agents.
         goal: Goals of recorded vehicles.
         planner: Native planners.
@@ -126,6 +128,7 @@ class SimulationSettings:
     """
 
     recording: RecordingSettings = field(default_factory=RecordingSettings)
+    source: SourceOptions = field(default_factory=SourceOptions)
     agents: AgentSettings = field(default_factory=AgentSettings)
     goal: GoalSettings = field(default_factory=GoalSettings)
     planner: PlannerSettings = field(default_factory=PlannerSettings)

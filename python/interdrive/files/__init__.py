@@ -3,6 +3,7 @@
 from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.read import (
     ScenarioSpec,
+    is_source,
     join,
     open_scenario,
     read_scenario,
@@ -12,6 +13,7 @@ from interdrive.files.read import (
 )
 from interdrive.files.scenario_file import road_losses, write_scenario
 from interdrive.files.shipped import FOLDER_VARIABLE, scenario_file, shipped_scenario, shipped_scenarios
+from interdrive.files.sources import content_sha256
 from interdrive.files.write import CommonRoadObjects, commonroad_objects, run_document, scenario_document
 
 __all__ = [
@@ -21,6 +23,8 @@ __all__ = [
     "commonroad_objects",
     "content_of_file",
     "content_of_input",
+    "content_sha256",
+    "is_source",
     "join",
     "open_scenario",
     "read_scenario",

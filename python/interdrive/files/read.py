@@ -24,9 +24,9 @@ from interdrive.files.numbers import check_message
 from interdrive.files.references import dangling_in_file
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
-from interdrive.files.sources import OptionValue, SourceFile, SourceOptions, recognised, scenario_of
+from interdrive.files.sources import SourceFile, recognised, scenario_of
 from interdrive.recordings import joined, repaired
-from interdrive.scenario import Scenario
+from interdrive.scenario import OptionValue, Scenario, SourceOptions
 from interdrive.scenario.limits import require_scenario
 
 if TYPE_CHECKING:
@@ -98,6 +98,14 @@ def read_source(path: str | os.PathLike[str], *, raw: bool = False, **options: O
         InputError: It cannot be read; one line names it and says what to do.
     """
     return _read_any(Path(path), SourceOptions.read(options), raw=raw)
+
+
+def is_source(path: Path) -> bool:
+    """Whether a file or folder is a map or a recording of another tool."""
+    try:
+        return recognised(SourceFile(path)) is not None
+    except (InputError, OSError):
+        return False
 
 
 def _read_any(path: Path, options: SourceOptions, *, raw: bool) -> Scenario:
@@ -367,12 +375,13 @@ def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
     return dataclasses.replace(scenario, notes=(*scenario.notes, *(f"commonroad-io: {line}" for line in lines)))
 
 
-def open_scenario(spec: ScenarioSpec, *, raw: bool = False) -> Scenario:
+def open_scenario(spec: ScenarioSpec, *, raw: bool = False, source: SourceOptions | None = None) -> Scenario:
     """The scenario that a specification means.
 
     Args:
         spec: The specification.
         raw: Leave recordings as they are; a scenario that was read before stays as it is.
+        source: How files of other tools are read.
 
     Raises:
         InputError: There is no such file or scenario, or it cannot be used; one line that says why.
@@ -383,7 +392,10 @@ def open_scenario(spec: ScenarioSpec, *, raw: bool = False) -> Scenario:
             raise InputError(f"{spec.name}: was read with repaired recordings; use read_scenario(path, raw=True)")
         return spec
     if isinstance(spec, str | os.PathLike):
-        return read_scenario(scenario_file(spec), raw=raw)
+        path = scenario_file(spec)
+        if path.suffix.lower() in PROTOBUF_ENDINGS:
+            return read_scenario(path, raw=raw)
+        return _read_any(path, source or SourceOptions(), raw=raw)
     if isinstance(spec, tuple):
         return scenario_from_commonroad(*spec, raw=raw)
     return scenario_from_commonroad(spec, raw=raw)

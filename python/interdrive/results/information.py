@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.run import AgentRecord, Json, RunRecord, RunSettings
-    from interdrive.scenario import Shape
+    from interdrive.scenario import ScenarioSource, Shape
 
 #: Version of the folder's layout, written to run.json; increased when a column is added or removed, or changes name or
 #: meaning.
@@ -40,6 +40,21 @@ class ScenarioInformation(TypedDict):
     sha256: str
     dt: float
     notes: list[str]
+
+
+class FileInformation(TypedDict):
+    """A file that was read."""
+
+    name: str
+    sha256: str
+
+
+class SourceInformation(TypedDict):
+    """Files of another format from which the scenario was made, and the options that were not the defaults."""
+
+    format: str
+    files: list[FileInformation]
+    options: Mapping[str, str]
 
 
 class GoalInformation(TypedDict):
@@ -75,6 +90,7 @@ class RunInformation(SoftwareInformation):
     Attributes:
         format: `FORMAT`.
         scenario: The simulated scenario.
+        source: Files of another format from which it was made, None if it was a CommonRoad file or made in Python.
         settings: What repeats the run.
         seed: Seed of what is drawn.
         digest: SHA-256 of all states.
@@ -92,6 +108,7 @@ class RunInformation(SoftwareInformation):
 
     format: int
     scenario: ScenarioInformation
+    source: SourceInformation | None
     settings: RunSettings
     seed: int | None
     digest: str
@@ -122,6 +139,7 @@ def information(run: RunRecord) -> RunInformation:
             "dt": scenario.dt,
             "notes": list(scenario.notes),
         },
+        "source": None if scenario.source is None else _source(scenario.source),
         "settings": run.settings,
         "seed": run.settings.get("seed"),
         "digest": run.digest,
@@ -138,6 +156,14 @@ def information(run: RunRecord) -> RunInformation:
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
         **software(),
+    }
+
+
+def _source(source: ScenarioSource) -> SourceInformation:
+    return {
+        "format": source.format,
+        "files": [{"name": name, "sha256": sha256} for name, sha256 in source.files],
+        "options": dict(source.options),
     }
 
 

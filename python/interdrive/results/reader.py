@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from interdrive.files import content_of_file, read_scenario
+from interdrive.errors import InputError
+from interdrive.files import content_of_file, read_scenario, read_source
 from interdrive.results.folder import read_results
 from interdrive.run import (
     AgentRecord,
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Ints
     from interdrive.results.folder import Results
-    from interdrive.results.information import RunInformation
+    from interdrive.results.information import RunInformation, SourceInformation
     from interdrive.scenario import Scenario
     from interdrive.storage import ArrowTable
 
@@ -136,9 +137,11 @@ def stored_plans(results: Results) -> Plans:
 
 
 def _scenario_of(folder: Path, info: RunInformation) -> Scenario:
-    stored = info["scenario"]
+    stored, source = info["scenario"], info.get("source")
     if stored["path"] is not None:
         path = Path(stored["path"])
+        if source is not None:
+            return source_again(path, source, info) or read_scenario(folder / "scenario.xml", raw=True)
         try:
             if hashlib.sha256(content_of_file(path)).hexdigest() == stored["sha256"]:
                 # Runs from before recordings were repaired do not say it.
@@ -222,3 +225,24 @@ def _area(said: Mapping[str, Any]) -> Shape:
     vertices = np.array(said.get("vertices", ()), dtype=np.float64).reshape(-1, 2)
     members = tuple(_area(member) for member in said.get("members", ()))
     return Shape(**given, vertices=vertices, members=members, center=tuple(said.get("center", (0.0, 0.0))))
+
+
+def source_again(path: Path, source: SourceInformation, info: RunInformation) -> Scenario | None:
+    """The scenario of files of another format, read again with the options of the run.
+
+    Args:
+        path: Where the file or folder is now.
+        source: What run.json says of it.
+        info: The contents of run.json.
+
+    Returns:
+        The scenario; None: a file is gone, or is not what it was.
+    """
+    try:
+        said = info["settings"]["settings"]
+        found = read_source(path, raw=bool(said.get("recording.raw", False)), **dict(source["options"]))
+    except InputError:
+        return None
+    hashes = [file["sha256"] for file in source["files"]]
+    known = found.source
+    return found if known is not None and [sha256 for _, sha256 in known.files] == hashes else None

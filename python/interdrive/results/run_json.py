@@ -186,6 +186,15 @@ _SCENARIO = _Table(
     optional={"benchmark_id": _TEXT, "notes": _ListOf(_TEXT)},
 )
 
+_SOURCE = _Table(
+    needed={
+        "format": _TEXT,
+        "files": _ListOf(_Table(needed={"name": _TEXT, "sha256": _DIGEST}, optional={}), at_least=1),
+        "options": _TableOf(_TEXT),
+    },
+    optional={},
+)
+
 _SETTINGS = _Table(
     needed={},
     optional={
@@ -203,6 +212,7 @@ _SETTINGS = _Table(
 _INFORMATION = _Table(
     needed={"scenario": _SCENARIO, "digest": _DIGEST, "notes": _ListOf(_TEXT)},
     optional={
+        "source": _OneOf((_SOURCE, _NULL)),
         "settings": _SETTINGS,
         "seed": _OneOf((_WHOLE, _NULL)),
         "finished": _TRUTH,

@@ -14,6 +14,7 @@ from interdrive.scenario.model import (
     ScenarioSource,
 )
 from interdrive.scenario.shape import Shape
+from interdrive.scenario.source_options import OptionValue, SourceOptions
 
 __all__ = [
     "KINDS",
@@ -24,12 +25,14 @@ __all__ = [
     "InitialState",
     "Lanelets",
     "Obstacles",
+    "OptionValue",
     "PlanningProblem",
     "Priorities",
     "Scenario",
     "ScenarioSource",
     "Shape",
     "Signal",
+    "SourceOptions",
     "StopLine",
     "TrafficLight",
     "Turn",

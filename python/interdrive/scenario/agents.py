@@ -204,6 +204,8 @@ def select(
                 if spare:
                     chosen.append(spare[0])
                     waiting.append(spare[0])
+    if not built and not scenario.planning_problems and not len(scenario.obstacles.ids):
+        raise InputError(f"{scenario.name}: has no traffic; a map can be run once it has vehicles or planning problems")
     if not built:
         why = f" ({notes[-1]})" if notes else ""
         raise InputError(f"{scenario.name}: no vehicle can become an agent{why}; `interdrive check` lists the reasons")

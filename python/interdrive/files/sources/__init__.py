@@ -19,8 +19,7 @@ Parquet), follows links out of a file, or unpickles.
 from interdrive.files.sources.formats import FORMATS, Format, recognised
 from interdrive.files.sources.model import Lane, Roads, Source, Tracks
 from interdrive.files.sources.notes import Notes
-from interdrive.files.sources.opening import SourceFile
-from interdrive.files.sources.options import OptionValue, SourceOptions
+from interdrive.files.sources.opening import SourceFile, content_sha256
 from interdrive.files.sources.reading import scenario_of
 
 __all__ = [
@@ -28,12 +27,11 @@ __all__ = [
     "Format",
     "Lane",
     "Notes",
-    "OptionValue",
     "Roads",
     "Source",
     "SourceFile",
-    "SourceOptions",
     "Tracks",
+    "content_sha256",
     "recognised",
     "scenario_of",
 ]

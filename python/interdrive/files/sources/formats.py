@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from interdrive.files.sources.model import Source
     from interdrive.files.sources.opening import SourceFile
-    from interdrive.files.sources.options import SourceOptions
+    from interdrive.scenario import SourceOptions
 
 
 @dataclass(frozen=True)

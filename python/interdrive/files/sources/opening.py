@@ -132,6 +132,19 @@ class _RootRead(Exception):  # noqa: N818 - the parser is left by raising
     """Ends the parser at the first element."""
 
 
+def content_sha256(path: Path) -> str:
+    """SHA-256 of a file, or of the names and hashes of the files in a folder.
+
+    Raises:
+        InputError: One cannot be read.
+    """
+    if not path.is_dir():
+        return hashlib.sha256(content_of_input(path)).hexdigest()
+    inner = sorted(one for one in path.iterdir() if one.is_file())
+    listed = "\n".join(f"{one.name} {hashlib.sha256(content_of_input(one)).hexdigest()}" for one in inner)
+    return hashlib.sha256(listed.encode()).hexdigest()
+
+
 def unpacked(packed: bytes, file: str) -> bytes:
     """The content of a file that was compressed by gzip, in one or several members."""
     parts, size = [], 0

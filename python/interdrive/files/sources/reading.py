@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,9 @@ from interdrive.scenario.limits import require_scenario
 from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from interdrive.files.sources.formats import Format
     from interdrive.files.sources.opening import SourceFile
-    from interdrive.files.sources.options import SourceOptions
+    from interdrive.scenario import SourceOptions
 
 #: Country of a map that states none; it drives on the right.
 _NOWHERE = "ZAM"
@@ -58,13 +57,21 @@ def scenario_of(file: SourceFile, found: Format, options: SourceOptions) -> Scen
         source=ScenarioSource(
             format=found.name,
             files=file.files,
-            options=tuple(options.texts().items()),
+            options=_texts(options),
             keys=keys,
             location=source.roads.location,
         ),
     )
     require_scenario(scenario, str(file.path))
     return scenario
+
+
+def _texts(options: SourceOptions) -> tuple[tuple[str, str], ...]:
+    """Options from which the same source is read again, from any folder."""
+    texts = options.texts()
+    if options.map is not None:
+        texts["map"] = str(Path(options.map).resolve())
+    return tuple(texts.items())
 
 
 def stem(path: Path) -> str:

@@ -16,11 +16,12 @@ from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.polylines import distinct, offset
 
 if TYPE_CHECKING:
+    from collections.abc import Container
     from xml.etree.ElementTree import Element
 
     from interdrive.array_types import Floats
     from interdrive.files.sources.opening import SourceFile
-    from interdrive.files.sources.options import SourceOptions
+    from interdrive.scenario import SourceOptions
 
 #: Width of lanes that state none [m].
 _WIDTH = 3.2
@@ -84,7 +85,7 @@ def float_of(text: str | None, usual: float) -> float:
     return number if abs(number) < 1e12 else usual
 
 
-def _lanes(root: Element, keep: frozenset[str], notes: Notes, *, left_hand: bool) -> list[_Lane]:
+def _lanes(root: Element, keep: Container[str], notes: Notes, *, left_hand: bool) -> list[_Lane]:
     """Lanes that vehicles may drive, by edge, from left to right."""
     found: list[_Lane] = []
     names: set[str] = set()
@@ -125,7 +126,7 @@ def _lanes(root: Element, keep: frozenset[str], notes: Notes, *, left_hand: bool
     return found
 
 
-def _kind(lane: Element, keep: frozenset[str]) -> str | None:
+def _kind(lane: Element, keep: Container[str]) -> str | None:
     allow, disallow = (lane.get(name, "").split() for name in ("allow", "disallow"))
     for kind, kept, vehicle in _KINDS:
         is_open = bool({vehicle, "all"} & set(allow)) if allow else not {vehicle, "all"} & set(disallow)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
     from interdrive.files.sources.opendrive.records import LaneRecord, Road
     from interdrive.files.sources.opening import SourceFile
-    from interdrive.files.sources.options import SourceOptions
+    from interdrive.scenario import SourceOptions
 
 #: CommonRoad's types of lanes that are always read, by their types in OpenDRIVE; "": that of the road.
 DRIVEN = {
