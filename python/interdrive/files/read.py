@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import logging
 import os
@@ -113,9 +114,13 @@ def _read_any(path: Path, options: SourceOptions, *, raw: bool) -> Scenario:
     found = recognised(file)
     if found is not None:
         with quiet(str(path)):
-            return _repaired(scenario_of(file, found, options), raw=raw)
+            read_map = functools.partial(_read_any, raw=True)
+            return _repaired(scenario_of(file, found, options, read_map), raw=raw)
     if file.is_folder:
-        raise InputError(f"{path}: is a folder; give a CommonRoad file in it")
+        raise InputError(
+            f"{path}: is a folder; it holds no Argoverse 2 scenario (scenario_*.parquet and log_map_archive_*.json)"
+            " and no tracks that are known: give a file in it"
+        )
     scenario = read_document(file.data, str(path), path, raw=raw)
     return dataclasses.replace(scenario, sha256=file.files[0][1])
 

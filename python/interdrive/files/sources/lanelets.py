@@ -292,14 +292,23 @@ def _directions(points: Floats) -> Floats:
 
 
 def _unfolded(border: Floats, ahead: Floats) -> Floats:
-    """A border that runs nowhere against the directions of its lane."""
+    """A border that runs nowhere against the directions of its lane; its end stays where one of both passes leaves it.
+
+    The first pass goes along the border, the second one, where the first moves the end, from there back.
+    """
     along = (np.diff(border, axis=0) * ahead).sum(axis=1)
     if along.min() >= SAME_POINT:
         return border
+    found, back = border.copy(), border.copy()
     for place in range(1, len(border)):
-        if float((border[place] - border[place - 1]) @ ahead[place - 1]) < SAME_POINT:
-            border[place] = border[place - 1] + _FOLDED * ahead[place - 1]
-    return border
+        if float((found[place] - found[place - 1]) @ ahead[place - 1]) < SAME_POINT:
+            found[place] = found[place - 1] + _FOLDED * ahead[place - 1]
+    if math.dist(found[-1], border[-1]) <= _GAP:
+        return found
+    for place in range(len(border) - 2, -1, -1):
+        if float((back[place + 1] - back[place]) @ ahead[place]) < SAME_POINT:
+            back[place] = back[place + 1] - _FOLDED * ahead[place]
+    return back if math.dist(back[0], border[0]) <= _GAP else found
 
 
 def _is_closed(lane: Lane | None) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from interdrive.files.sources.notes import Notes
 
@@ -100,8 +100,10 @@ class Source:
         roads: None: the map is another file.
         tracks: None: there is no recording.
         notes: Remarks on both.
+        map_options: Options with which that other file is read, unless the user chose them.
     """
 
     roads: Roads | None
     tracks: Tracks | None = None
     notes: Notes = field(default_factory=Notes)
+    map_options: dict[str, Any] = field(default_factory=dict)

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.errors import InputError
 from interdrive.files.control import priorities_of_map
 from interdrive.files.sources.lanelets import lanelets_of
+from interdrive.files.sources.recorded import far_from_map, recorded
 from interdrive.scenario import Obstacles, Scenario, ScenarioSource
 from interdrive.scenario.limits import require_scenario
 from interdrive.storage.names import readable
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from interdrive.files.sources.formats import Format
+    from interdrive.files.sources.model import Source
     from interdrive.files.sources.opening import SourceFile
     from interdrive.scenario import SourceOptions
 
@@ -26,33 +32,72 @@ _NOWHERE = "ZAM"
 _USUAL_DT = 0.1
 
 
-def scenario_of(file: SourceFile, found: Format, options: SourceOptions) -> Scenario:
+def scenario_of(
+    file: SourceFile, found: Format, options: SourceOptions, read_map: Callable[[Path, SourceOptions], Scenario]
+) -> Scenario:
     """The scenario of a file whose format was recognised.
+
+    Args:
+        file: The file or folder.
+        found: Its format.
+        options: How it is read.
+        read_map: Reads the map of a recording that has none, of any format.
 
     Raises:
         InputError: It cannot be read; one line that names it and says what to do.
     """
     source = found.read(file, options)
+    name = stem(file.path)
+    scenario = _on_roads(file, found, options, source) if source.roads is not None else None
+    if scenario is None:
+        if options.map is None:
+            wanted = "a CommonRoad, OpenDRIVE, Lanelet2 or SUMO map, or lanes.parquet"
+            raise InputError(f"{file.path}: tracks need --map ({wanted})")
+        scenario = _on_map(read_map(Path(options.map), _of_map(options, source)), file, found, options)
+    lanelets, dt = scenario.lanelets, options.dt or _USUAL_DT
+    obstacles = _no_obstacles()
+    if source.tracks is not None:
+        dt = options.dt or source.tracks.dt
+        obstacles = recorded(source.tracks, options, lanelets.ids.tolist(), str(file.path), source.notes)
+        map_name = str(options.map or "its map") if source.roads is None else "its map"
+        bounds = (*lanelets.left, *lanelets.right)
+        far_from_map(obstacles, bounds, str(file.path), map_name, source.notes)
+    country = options.country or scenario.benchmark_id[:3]
+    scenario = replace(
+        scenario,
+        name=readable(name),
+        benchmark_id=f"{country}_{re.sub('[^A-Za-z0-9]', '', name) or 'Map'}-1_1_T-1",
+        dt=dt,
+        obstacles=obstacles,
+        notes=(*source.notes.lines(), *scenario.notes),
+    )
+    require_scenario(scenario, str(file.path))
+    return scenario
+
+
+def _on_roads(file: SourceFile, found: Format, options: SourceOptions, source: Source) -> Scenario:
+    """A scenario without traffic on the roads of a source."""
     assert source.roads is not None
     lanelets, keys = lanelets_of(source.roads, source.notes)
-    name = stem(file.path)
-    benchmark_id = f"{options.country or _NOWHERE}_{re.sub('[^A-Za-z0-9]', '', name) or 'Map'}-1_1_T-1"
+    if not keys:
+        kinds = ", ".join(f"{kind} {count}" for kind, count in source.notes.left_out("lanes").items()) or "none"
+        raise InputError(f"{file.path}: has no lane that vehicles may drive (lanes: {kinds}); --keep adds types")
+    benchmark_id = f"{options.country or _NOWHERE}_Map-1_1_T-1"
     of_map = priorities_of_map(lanelets, benchmark_id)
     if source.roads.left_hand is not None and source.roads.left_hand != of_map.left_hand:
         side, example = ("left", "GBR") if source.roads.left_hand else ("right", "DEU")
         source.notes.say(
             f"vehicles drive on the {side}, which the lanelets do not show: give --country, e.g. {example}"
         )
-    scenario = Scenario(
-        name=readable(name),
+    return Scenario(
+        name="",
         benchmark_id=benchmark_id,
-        dt=options.dt or _USUAL_DT,
+        dt=_USUAL_DT,
         lanelets=lanelets,
         obstacles=_no_obstacles(),
         planning_problems=(),
         path=file.path,
         sha256=_hash(file),
-        notes=source.notes.lines(),
         priorities=of_map,
         source=ScenarioSource(
             format=found.name,
@@ -62,8 +107,35 @@ def scenario_of(file: SourceFile, found: Format, options: SourceOptions) -> Scen
             location=source.roads.location,
         ),
     )
-    require_scenario(scenario, str(file.path))
-    return scenario
+
+
+def _of_map(options: SourceOptions, source: Source) -> SourceOptions:
+    """Options for the map of a recording: those of the user, and those that the recording knows."""
+    of_map = replace(options, map=None, dt=None, start=None, duration=None, shift=(0.0, 0.0), case=None)
+    if options.projection is None and options.origin is None and options.utm_origin is None:
+        return replace(of_map, **source.map_options)
+    return of_map
+
+
+def _on_map(roads: Scenario, file: SourceFile, found: Format, options: SourceOptions) -> Scenario:
+    """A scenario without traffic on the roads of another file."""
+    of_map = (
+        roads.source.files if roads.source is not None else ((roads.path.name, roads.sha256),) if roads.path else ()
+    )
+    return replace(
+        roads,
+        obstacles=_no_obstacles(),
+        planning_problems=(),
+        path=file.path,
+        sha256=_hash(file),
+        source=ScenarioSource(
+            format=found.name,
+            files=(*file.files, *of_map),
+            options=_texts(options),
+            keys=roads.source.keys if roads.source is not None else tuple(map(str, roads.lanelets.ids.tolist())),
+            location=roads.source.location if roads.source is not None else "",
+        ),
+    )
 
 
 def _texts(options: SourceOptions) -> tuple[tuple[str, str], ...]:

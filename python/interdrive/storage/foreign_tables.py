@@ -1,0 +1,143 @@
+"""Tables of other programs: Parquet and CSV as arrays by column. pyarrow is loaded on first use."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import pyarrow as pa
+
+    from interdrive.array_types import Floats, Ints
+
+#: How Parquet files begin.
+PARQUET_MARK = b"PAR1"
+#: More rows are no recording that can be read here.
+MOST_ROWS = 50_000_000
+
+
+@dataclass(frozen=True)
+class ForeignTable:
+    """A table with columns of any names.
+
+    Attributes:
+        file: Its name in messages.
+        table: The columns.
+    """
+
+    file: str
+    table: pa.Table
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.table.column_names)
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return int(self.table.num_rows)
+
+    def require(self, names: Iterable[str]) -> None:
+        """Refuses the table unless it has these columns."""
+        for name in names:
+            if self.names.count(name) != 1:
+                found = ", ".join(self.names[:12]) + (" ..." if len(self.names) > 12 else "")
+                problem = "has no column" if name not in self.names else "has more than one column"
+                raise InputError(f"{self.file}: {problem} {name} (found: {found})")
+
+    def numbers(self, name: str) -> Floats:
+        """A column as numbers, nan where a cell is empty; all nan without such a column, shape (rows,)."""
+        import pyarrow as pa  # noqa: PLC0415
+
+        if name not in self.names:
+            return np.full(len(self), np.nan)
+        self.require((name,))
+        column = self.table.column(name)
+        try:
+            if pa.types.is_dictionary(column.type):
+                column = column.cast(column.type.value_type)
+            numbers = column.cast(pa.float64(), safe=False).to_numpy()
+        except (pa.ArrowException, ValueError, TypeError):
+            raise InputError(f"{self.file}: the column {name} has a value that is no number; correct it") from None
+        return np.array(numbers, dtype=np.float64)
+
+    def words(self, name: str) -> tuple[tuple[str, ...], Ints]:
+        """The different texts of a column in the order of their first rows, and which of them each row has.
+
+        An empty cell has the text "". Whole numbers are written without a fraction.
+        """
+        import pyarrow as pa  # noqa: PLC0415
+
+        self.require((name,))
+        column = self.table.column(name)
+        try:
+            if pa.types.is_dictionary(column.type):
+                column = column.cast(column.type.value_type)
+            if pa.types.is_floating(column.type):
+                values = column.to_numpy()
+                whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2.0**53)
+                if whole.all():
+                    column = pa.chunked_array([pa.array(values.astype(np.int64))])
+            encoded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
+            texts = tuple(str(text) for text in encoded.dictionary.to_pylist())
+            rows = np.array(encoded.indices.to_numpy(zero_copy_only=False), dtype=np.int64)
+        except (pa.ArrowException, ValueError, TypeError):
+            raise InputError(f"{self.file}: the column {name} is no text; correct it") from None
+        return texts, rows
+
+
+def foreign_table(data: bytes, file: str, columns: Sequence[str] = ()) -> ForeignTable:
+    """A Parquet or CSV file.
+
+    Args:
+        data: Its bytes; Parquet is recognised by its mark.
+        file: Its name in messages.
+        columns: Columns that are read where the file has them; none: all.
+
+    Raises:
+        InputError: It is neither, broken, or too large; one line that names it.
+    """
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.csv  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    if not data.strip():
+        raise InputError(f"{file}: is empty; give a table with a first line of names")
+    is_parquet = data.startswith(PARQUET_MARK)
+    try:
+        if is_parquet:
+            opened = pq.ParquetFile(io.BytesIO(data))
+            _require_rows(opened.metadata.num_rows, file)
+            known = [name for name in opened.schema_arrow.names if not columns or name in columns]
+            table = opened.read(columns=known)
+        else:
+            table = pyarrow.csv.read_csv(io.BytesIO(data))
+            _require_rows(table.num_rows, file)
+            if columns:
+                table = table.select([index for index, name in enumerate(table.column_names) if name in columns])
+    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError, KeyError) as error:
+        kind = "Parquet" if is_parquet else "CSV"
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{file}: is no whole {kind} table ({reason}); give a whole file") from error
+    return ForeignTable(file, table)
+
+
+def header_of(data: bytes) -> tuple[str, ...]:
+    """Names in the first line of a CSV file; empty where that is no text."""
+    try:
+        line = data[:65536].split(b"\n", 1)[0].decode("utf-8-sig").strip()
+    except UnicodeDecodeError:
+        return ()
+    return tuple(name.strip().strip('"') for name in line.split(","))
+
+
+def _require_rows(n: int, file: str) -> None:
+    if n > MOST_ROWS:
+        raise InputError(f"{file}: has {n} rows; at most {MOST_ROWS} are possible, cut it")
