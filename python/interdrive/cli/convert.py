@@ -44,8 +44,8 @@ def convert(
 
     SOURCE is recognised by its content: OpenDRIVE (.xodr), Lanelet2 (.osm), SUMO nets (.net.xml), also compressed by
     gzip; Argoverse 2 (its folder), scenes of the Waymo Open Motion Dataset (.json), OSI traces (.osi, .mcap), tables of
-    tracks (.csv, .parquet; most need --map); or a CommonRoad file. `run`, `check` and `batch` read the same sources, with these options as --source NAME=VALUE. The
-    last line says what was left out.
+    tracks (.csv, .parquet; most need --map); or a CommonRoad file. `run`, `check` and `batch` read the same sources,
+    with these options as --source NAME=VALUE. The last line says what was left out.
     """
     from interdrive.files import read_source, scenario_document  # noqa: PLC0415 - numpy
     from interdrive.storage import keep_inputs, replacing  # noqa: PLC0415 - pyarrow
