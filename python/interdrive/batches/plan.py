@@ -46,7 +46,7 @@ ALONE = "alone"
 
 #: Endings of scenario files that are looked for in folders; and of files that are scenarios if they are recognised.
 _ENDINGS = (".xml", ".pb")
-_SOURCE_ENDINGS = (".xodr", ".osm", ".gz", ".json", ".osi", ".mcap", ".parquet", ".csv")
+_SOURCE_ENDINGS = (".xodr", ".osm", ".gz", ".json", ".osi", ".mcap")
 
 #: Files that mark folders whose scenarios are results.
 _RESULT_MARKS = ("run.json", "batch.json", "study.json")

@@ -239,9 +239,11 @@ def _sampled(tracks: Tracks, rows: slice, clock: _Clock, file: str) -> Track:
         if name == "heading":
             change = wrapped(change)
         between = stated[before] + share * change
+        if name == "heading":
+            between = wrapped(between)
         # What only one of both neighbours states is not stated between them.
         values[:, column] = np.where(before == after, stated[before], between)
-    return Track(steps, values)
+    return Track(steps, values + 0.0)  # no negative zeros, which files do not hold
 
 
 def _with_headings(part: Track) -> Track:
