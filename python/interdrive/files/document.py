@@ -177,7 +177,10 @@ def drop_dangling_relations(root: Element) -> None:
 
 def _check_header(root: Element, file: str) -> None:
     if root.tag != "commonRoad":
-        raise InputError(f"{file}: the root element is <{root.tag}>, not <commonRoad>; give a CommonRoad scenario")
+        raise InputError(
+            f"{file}: <{root.tag}> is no map or scenario that is read here; give a CommonRoad, OpenDRIVE, Lanelet2 or "
+            "SUMO net file"
+        )
     version = root.get("commonRoadVersion")
     if version is None:
         raise InputError(f"{file}: states no commonRoadVersion; add it, {' or '.join(VERSIONS)}")

@@ -63,6 +63,7 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
             lane.kind for road in roads.values() for one in road.sections for lane in one.lanes if lane.number
         )
         types = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())) or "no lanes at all"
+        types = "; ".join((types, *(line for line in notes.lines() if line.startswith("roads left out"))))
         raise InputError(f"{file.path}: has no lane that vehicles may drive (types: {types}); --keep adds types")
     links = [(places[a], places[b]) for a, b in links_of(roads, root, notes) if a in places and b in places]
     _infer_speeds(lanes, links, [roads[key.road].junction != "" for key in places])
