@@ -64,6 +64,7 @@ def invented(folder, runs):
             }
             usual |= {"under_test": True, "off_road": False, "outcome": "goal_reached", "agent_planner": planner}
             usual |= {"harm": None, "partner_id": None, "impact_area": None, "fault": False, "fault_nuplan": False}
+            usual |= dict.fromkeys(column.name for column in AGENT_COLUMNS if column.name.startswith("preventable_"))
             rows = [{**run, **usual, "agent_id": agent, **own} for agent, own in agents.items()]
         values = {column.name: [row[column.name] for row in rows] for column in COLUMNS}
         for column in COLUMNS:
@@ -79,6 +80,13 @@ def invented(folder, runs):
 
 def crash(harm=0.5):
     return {"outcome": "collision", "harm": harm}
+
+
+def test_collisions_that_a_careful_driver_avoids_are_counted_and_those_without_a_verdict_are_not(tmp_path):
+    agents = {1: crash() | {"preventable_cc": True}, 2: crash() | {"preventable_cc": False}, 3: crash(), 4: {}}
+    found = compare(invented(tmp_path / "batch", [("urban/x", "a", agents), ("urban/x", "b", {n: {} for n in agents})]))
+    assert row(found, "all", "a")["preventable_cc"] == 25.0, "per 100 agents"
+    assert row(found, "all", "b")["preventable_cc"] == 0.0
 
 
 def row(found, category, variant):

@@ -12,7 +12,8 @@ import interdrive as idr
 from interdrive.alks import worlds
 from interdrive.cli import main
 from interdrive.panel import counterfactual
-from interdrive.scoring import preventability
+from interdrive.reference_drivers import DRIVERS
+from interdrive.scoring import preventability, score, score_table
 from interdrive.testing import Car, crossing, problem, straight_road, world
 
 
@@ -31,6 +32,16 @@ def test_a_slower_leader_is_avoided_by_all_and_the_words_say_so():
     assert found.distance["cc"][0] > 1.0, "m"
     assert found.words[0].startswith("a careful and competent driver (UN R157) would have avoided this collision at ")
     assert "from 15.0 m/s" in found.words[0]
+
+
+def test_scores_say_which_drivers_would_have_avoided_a_collision():
+    hit = score(driven([Car(5, 100.0, velocity=8.0)]))
+    assert [hit.preventable[name].tolist() for name in DRIVERS] == [[1.0]] * 4
+    assert score_table(hit)["preventable_fsm"].to_pylist() == [True]
+    late = score(driven([Car(5, 32.0)]))
+    assert score_table(late)["preventable_cc"].to_pylist() == [False]
+    none = score(driven([]))
+    assert score_table(none)["preventable_cc"].to_pylist() == [None]
 
 
 def test_what_stands_behind_the_start_of_the_run_is_hit_by_all():

@@ -102,6 +102,7 @@ METRICS = (
     Metric("infeasible", "infeasible %", "infeasible", outcome=True, scale=100.0),
     Metric("planner_error", "broken %", "planner_error", outcome=True, scale=100.0),
     Metric("collisions", "collisions per 100", "collision", outcome=True, scale=100.0, digits=2),
+    Metric("preventable_cc", "of them cc avoids per 100", "preventable_cc", scale=100.0, absent=0.0, digits=2),
     Metric("violations", "violations per 100", "violations", scale=100.0),
     *(Metric(f"n_{name}", name.replace("_", " "), f"n_{name}", scale=100.0, rule=True) for name in VIOLATIONS),
     Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),

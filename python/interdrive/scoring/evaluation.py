@@ -10,6 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError
+from interdrive.reference_drivers import DRIVERS
 from interdrive.run.goals import said_seconds, way_to_goal
 from interdrive.scenario import KINDS
 from interdrive.scenario.native import core_shape
@@ -23,6 +24,7 @@ from interdrive.scoring.drives import (
     window_of,
 )
 from interdrive.scoring.faults import is_thing, verdicts
+from interdrive.scoring.preventability import preventable_collisions
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.scoring.terms import Term, comfort_term, direction_term, progress_term, speed_term, ttc_term
 from interdrive.storage import Origin, changed_settings
@@ -65,6 +67,8 @@ class Score:
         fault_kind: One of `FAULT_KINDS`; "" without a fault.
         fault_nuplan: nuPlan's verdict, for comparison.
         collision_type: One of `COLLISION_TYPES`; "" without a collision with another participant.
+        preventable: By reference driver, whether it would have avoided the collision: 1 or 0, nan without a collision
+            with another participant or without a verdict (`interdrive.scoring.preventability`).
         excused: Names of factors and terms that count as 1 because the recording's are 0.
         reasons: In words, what made the score less than 1, for every agent.
         notes: One line per thing the user should know.
@@ -79,6 +83,7 @@ class Score:
     fault_kind: tuple[str, ...]
     fault_nuplan: Bools
     collision_type: tuple[str, ...]
+    preventable: Mapping[str, Floats]
     excused: tuple[tuple[str, ...], ...]
     reasons: tuple[tuple[str, ...], ...]
     notes: tuple[str, ...] = ()
@@ -133,6 +138,7 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
     axles = [rear_axle_to_center(lengths[number]) for number in wanted.tolist()]
     times, partners = simulated.straight_times(wanted.tolist(), axles, chosen.ttc_horizon, 1)
     judged = verdicts(run, simulated, wanted.tolist(), chosen)
+    prevented = preventable_collisions(run, simulated, wanted.tolist())
     notes = []
     if left_out:
         named = ", ".join(map(str, left_out[:5])) + (f" and {len(left_out) - 5} more" if len(left_out) > 5 else "")
@@ -161,6 +167,10 @@ def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSet
         fault_kind=tuple(row["fault_kind"] for row in rows),
         fault_nuplan=np.array([row["fault_nuplan"] for row in rows], dtype=np.bool_),
         collision_type=tuple(row["collision_type"] for row in rows),
+        preventable={
+            name: np.array([prevented.get(number, {}).get(name, math.nan) for number in wanted.tolist()])
+            for name in DRIVERS
+        },
         excused=tuple(row["excused"] for row in rows),
         reasons=tuple(row["reasons"] for row in rows),
         notes=tuple(notes),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -44,8 +44,14 @@ _WHO = {
 }
 
 _TABLE = "preventability.parquet"
-_NO_VERDICT = "there is no verdict, see `undefined`"
+_NO_VERDICT = "there is no verdict"
 _NO_CONTACT = "the driver does not hit it, or there is no verdict"
+
+#: Columns of the verdicts by driver, which scores of agents have, too.
+PREVENTABLE = {
+    name: Column(f"preventable_{name}", "truth", f"{_WHO[name]} would not have hit it", null=_NO_VERDICT)
+    for name in DRIVERS
+}
 
 #: Columns of the table.
 PREVENTABILITY_COLUMNS = (
@@ -60,7 +66,7 @@ PREVENTABILITY_COLUMNS = (
         column
         for name in DRIVERS
         for column in (
-            Column(f"preventable_{name}", "truth", f"{_WHO[name]} would not have hit it", null=_NO_VERDICT),
+            PREVENTABLE[name],
             Column(
                 f"impact_speed_{name}", "number", "difference of the velocities at its contact", "m/s", null=_NO_CONTACT
             ),
@@ -240,18 +246,36 @@ def preventability(
     )
 
 
+def preventable_collisions(
+    run: RunRecord, simulated: _core.Traffic, wanted: Sequence[int]
+) -> dict[int, dict[str, float]]:
+    """Of agents that collided with another participant: by driver, whether it would not have: 1, 0, nan: no verdict.
+
+    Args:
+        run: The run.
+        simulated: Its traffic.
+        wanted: Agents; those without such a collision are left out.
+    """
+    conflicts = sorted(_collisions(run, wanted))
+    if not conflicts:
+        return {}
+    found = simulated.preventability([(*each[:3], True, each[4]) for each in conflicts])["preventable"]
+    return {each[0]: dict(zip(DRIVERS, row, strict=True)) for each, row in zip(conflicts, found.tolist(), strict=True)}
+
+
+_Conflict: TypeAlias = "tuple[int, int, int, str, bool]"
+
+
 def _conflicts(
     run: RunRecord, simulated: _core.Traffic, wanted: Sequence[int], settings: ScoringSettings
-) -> Iterator[tuple[int, int, int, str, bool]]:
+) -> Iterator[_Conflict]:
     """Agent, partner, time step, kind, and whether the partner is a pedestrian."""
-    ended, states = run.outcomes, run.states
-    kinds = dict(zip(states.participant_id.tolist(), states.kinds, strict=True))
     hits = {}
-    rows = zip(ended.agent_id.tolist(), ended.partner_id.tolist(), ended.time_step.tolist(), ended.outcome, strict=True)
-    for who, whom, when, how in rows:
-        if how == "collision" and whom >= 0 and who in wanted:
-            hits[who] = whom
-            yield who, whom, when, "collision", kinds[whom] in _PEOPLE
+    for each in _collisions(run, wanted):
+        hits[each[0]] = each[1]
+        yield each
+    states = run.states
+    kinds = dict(zip(states.participant_id.tolist(), states.kinds, strict=True))
     lengths = dict(zip(states.participant_id.tolist(), states.length.tolist(), strict=True))
     axles = [rear_axle_to_center(lengths[number]) for number in wanted]
     times, partners = simulated.straight_times(list(wanted), axles, settings.ttc_horizon, 1)
@@ -265,6 +289,16 @@ def _conflicts(
             there = states.valid[np.searchsorted(states.participant_id, [who, whom])][:, column - 1 : column + 1]
             if whom != hits.get(who, -1) and there.all():
                 yield who, whom, column + int(states.first_time_step), "near_miss", kinds[whom] in _PEOPLE
+
+
+def _collisions(run: RunRecord, wanted: Sequence[int]) -> Iterator[_Conflict]:
+    """The collisions among them."""
+    ended, states = run.outcomes, run.states
+    kinds = dict(zip(states.participant_id.tolist(), states.kinds, strict=True))
+    rows = zip(ended.agent_id.tolist(), ended.partner_id.tolist(), ended.time_step.tolist(), ended.outcome, strict=True)
+    for who, whom, when, how in rows:
+        if how == "collision" and whom >= 0 and who in wanted:
+            yield who, whom, when, "collision", kinds[whom] in _PEOPLE
 
 
 def _witness(found: dict[str, Any], start: float) -> Witness:

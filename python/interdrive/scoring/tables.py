@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from interdrive.run.arrays import COLLISION_TYPES
 from interdrive.scoring.faults import FAULT_KINDS
+from interdrive.scoring.preventability import PREVENTABLE
 from interdrive.storage import (
     Column,
     absent_where,
@@ -37,6 +39,7 @@ SCORE_COLUMNS = absent_where(
         Column("fault_kind", "label", "why it was its fault; empty: it was not", labels=("", *FAULT_KINDS)),
         Column("fault_nuplan", "truth", "nuPlan's verdict on the collision"),
         Column("collision_type", "label", "nuPlan's type of the collision; empty: none", labels=("", *COLLISION_TYPES)),
+        *absent_where("it did not collide with another participant", PREVENTABLE.values()),
         Column("room", "number", "distance left minus distance needed by the rule that decided", "m"),
         Column("straight_ttc_min", "number", "smallest time to contact straight on; inf: none", "s", infinite=True),
         Column("lane_keeping", "number", "share of time within 0.5 m of the reference path", "1"),
@@ -60,6 +63,10 @@ def score_columns(found: Score) -> dict[str, Any]:
         "fault_kind": found.fault_kind,
         "fault_nuplan": found.fault_nuplan,
         "collision_type": found.collision_type,
+        **{
+            PREVENTABLE[name].name: [None if math.isnan(value) else bool(value) for value in values.tolist()]
+            for name, values in found.preventable.items()
+        },
         "excused": [", ".join(names) for names in found.excused],
         "why": ["; ".join(reasons) for reasons in found.reasons],
     }
