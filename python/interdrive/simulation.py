@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
-    from interdrive.run import Orders, Outcomes, RunSettings
+    from interdrive.run import Orders, Outcomes, RunSettings, States
     from interdrive.scoring.hits import Hit
 
 
@@ -319,14 +319,20 @@ class Simulation:
             raise RunInterrupted(self.record()) from None
         return self.record()
 
+    def states(self) -> States:
+        """The states of all participants until now."""
+        return states_of(self.world.states())
+
+    def outcomes(self) -> Outcomes:
+        """How agents have ended until now, without reasons; `record` has them."""
+        return outcomes_of(self.world.outcomes(), self._planner_names, self._tracebacks)
+
     def record(self) -> Run:
         """The run until now, as arrays."""
         return self._recorded(with_violations=self.settings.record.violations)
 
     def _recorded(self, *, with_violations: bool) -> Run:
-        states = states_of(self.world.states())
-        names = {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
-        outcomes = outcomes_of(self.world.outcomes(), names, self._tracebacks)
+        states, outcomes, names = self.states(), self.outcomes(), self._planner_names
         plans = Plans(**self.world.plans())
         run = Run(
             scenario=self.scenario,
@@ -363,6 +369,10 @@ class Simulation:
             else None
         )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
+
+    @property
+    def _planner_names(self) -> dict[int, str]:
+        return {agent.id: self._configs[agent.id].planner.name for agent in self.agents}
 
     @property
     def _negotiates(self) -> bool:

@@ -1,6 +1,7 @@
 """`interdrive alks`: grids of cut-ins, cut-outs and followings, verdicts, boundaries, the command."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -8,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from interdrive import InputError
-from interdrive.alks import boundary, cut_in_figures, driven, grid, hits, reference, table_of
+from interdrive.alks import Grid, boundary, cut_in_figures, driven, grid, hits, reference, table_of, worlds
 from interdrive.cli import main
 
 GRID = """
@@ -57,6 +58,13 @@ def test_a_file_says_the_cases_and_those_with_a_faster_other_are_left_out(file):
     [
         ("[cut_in]\nvelocity = [-1]\nother_velocity = 1\ngap = 1\nsideways = 1", "velocity must not be negative"),
         ("[cut_in]\nvelocity = {from = 1, to = 2, step = 0}", "the step of velocity must be positive, is 0"),
+        ("[cut_in]\nvelocity = {from = 1, to = 2, step = -0.5}", "the step of velocity must be positive, is -0.5"),
+        ("[cut_in]\nvelocity = {from = 2, to = 1, step = 1}", "velocity from 2 to 1 in steps of 1 is no range"),
+        ("[cut_in]\nvelocity = {from = 1, to = inf, step = 1}", "velocity from 1 to inf in steps of 1 is no range"),
+        (
+            "[following]\nvelocity = {from = 1, to = 9, step = 1e-3}\ndeceleration = {from = 1, to = 9, step = 1e-3}",
+            "64,016,001 cases are more than 10,000,000, the most of a grid",
+        ),
         ("[cut_in]\nvelocity = {from = 1}", "velocity must be numbers, or from, to and step"),
         ("[cut_in]\nvelocity = 3", "other_velocity is missing"),
         ("velocity = 3", "there is no table [cut_in]"),
@@ -67,7 +75,7 @@ def test_a_file_that_says_no_grid_is_refused_in_one_line(tmp_path, text, words):
     path = tmp_path / "grid.toml"
     path.write_text(text)
     with pytest.raises(InputError) as refused:
-        grid("cut_in", str(path))
+        grid("following" if "following" in text else "cut_in", str(path))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -97,11 +105,45 @@ def test_a_planner_is_driven_through_every_case_with_any_number_of_workers(file)
     assert figure.axes[0].get_ylabel() == "gap [m]"
 
 
+def test_a_case_that_no_vehicle_can_drive_is_refused_before_a_planner_drives():
+    cases = Grid("following", {"velocity": np.array([20.0]), "deceleration": np.array([0.0])})
+    with pytest.raises(InputError, match="case 0: the deceleration must be positive, is 0"):
+        driven(cases, "idm", predictor="constant_velocity", workers=1)
+
+
 def test_no_reference_driver_as_planner_hits_what_it_would_have_avoided(file):
     for kind in ("cut_out", "following"):
         found = driven(grid(kind, str(file)), "cc", predictor="constant_velocity", workers=1)
         assert found.driver == "cc in worlds"
         assert not (found.crash & ~reference(found.grid, "cc").crash).any()
+
+
+def test_only_turned_footprints_make_cc_in_worlds_another_driver_than_in_one_dimension(tmp_path, monkeypatch):
+    path = tmp_path / "grid.toml"
+    path.write_text(
+        "[cut_in]\nvelocity_kmh = [50, 90]\nother_velocity_kmh = 20\n"
+        "gap = {from = 3, to = 31, step = 4}\nsideways = [0.7, 1.5]"
+    )
+    cases = grid("cut_in", str(path))
+    expected = reference(cases, "cc").crash
+    assert (driven(cases, "cc", predictor="constant_velocity", workers=1).crash != expected).sum() > 3
+    made = worlds.scenario
+
+    def with_straight_vehicles(*arguments):
+        scenario = made(*arguments)
+        straight = replace(scenario.obstacles, orientation=np.zeros_like(scenario.obstacles.orientation))
+        return replace(scenario, obstacles=straight)
+
+    monkeypatch.setattr(worlds, "scenario", with_straight_vehicles)
+    assert (driven(cases, "cc", predictor="constant_velocity", workers=1).crash == expected).all()
+
+
+def test_a_vehicle_without_sideways_speed_never_cuts_in(tmp_path):
+    path = tmp_path / "grid.toml"
+    path.write_text("[cut_in]\nvelocity = 20\nother_velocity = 10\ngap = [1, 20]\nsideways = 0")
+    cases = grid("cut_in", str(path))
+    assert not reference(cases, "cc").crash.any()
+    assert not driven(cases, "idm", predictor="constant_velocity", workers=1).crash.any()
 
 
 def test_the_command_writes_tables_and_figures_and_one_line_per_driver(file, tmp_path):

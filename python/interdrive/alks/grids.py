@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import math
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +25,10 @@ MANOEUVRES = {
 #: Grids that have names.
 GRIDS = ("jrc", "jrc_high", "jrc_low")
 
-#: More cases than this are driven only when asked for twice.
+#: More cases than this are driven only when asked for twice, ...
 CASES_MAX = 1_000_000
+#: ... and no grid has more than this.
+_CASES_LARGEST = 10_000_000
 
 _G = 9.81
 
@@ -79,6 +81,9 @@ def grid(manoeuvre: str, name: str) -> Grid:
     if not isinstance(table, dict):
         raise InputError(f"--grid {name}: there is no table [{manoeuvre}]")
     axes = [_axis(name, table, number) for number in MANOEUVRES[manoeuvre]]
+    n_cases = math.prod(len(axis) for axis in axes)
+    if n_cases > _CASES_LARGEST:
+        raise InputError(f"--grid {name}: {n_cases:,} cases are more than {_CASES_LARGEST:,}, the most of a grid")
     return _product(manoeuvre, axes)
 
 
@@ -95,10 +100,10 @@ def _jrc(manoeuvre: str, part: str) -> Grid:
     if manoeuvre == "cut_out":
         return _product(manoeuvre, [_even(10, 10, 13) / 3.6, _even(2, 5, 30), _even(0.1, 0.2, 15)])
     if part == "jrc_high":
-        own, other, gap = _even(70, 20, 4), _even(10, 30, 4), _even(3, 2, 60)
+        own, other, gap = _even(70, 20, 4), _even(10, 30, 4), _even(1, 2, 60)
     else:
-        own, other, gap = _even(20, 10, 5), _even(10, 10, 5), _even(2, 1, 59)
-    made = _product(manoeuvre, [own / 3.6, other / 3.6, gap, _even(0.1, 0.1, 18)])
+        own, other, gap = _even(20, 10, 5), _even(10, 10, 5), _even(1, 1, 59)
+    made = _product(manoeuvre, [own / 3.6, other / 3.6, gap, _even(0.0, 0.1, 18)])
     return Grid(manoeuvre, made.cases)
 
 
@@ -113,10 +118,9 @@ def _joined(manoeuvre: str, grids: list[Grid]) -> Grid:
 
 def _product(manoeuvre: str, axes: list[Floats]) -> Grid:
     names = MANOEUVRES[manoeuvre]
-    table = np.array(list(itertools.product(*(axis.tolist() for axis in axes))), dtype=np.float64)
-    table = table.reshape(-1, len(names))
-    slower = table[:, 1] < table[:, 0] if manoeuvre == "cut_in" else np.ones(len(table), dtype=np.bool_)
-    cases = {name: np.ascontiguousarray(table[slower, column]) for column, name in enumerate(names)}
+    columns = [column.ravel() for column in np.meshgrid(*axes, indexing="ij")]
+    slower = columns[1] < columns[0] if manoeuvre == "cut_in" else np.ones(len(columns[0]), dtype=np.bool_)
+    cases = {name: column[slower] for name, column in zip(names, columns, strict=True)}
     return Grid(manoeuvre, cases, int((~slower).sum()))
 
 
@@ -130,9 +134,7 @@ def _axis(file: str, table: dict[str, Any], name: str) -> Floats:
     try:
         if isinstance(given, dict):
             start, end, step = (float(given[part]) for part in ("from", "to", "step"))
-            if not step > 0.0:
-                raise InputError(f"--grid {file}: the step of {key} must be positive, is {step:g}")
-            values = start + step * np.arange(int((end - start) / step + 1e-9) + 1)
+            values = _range(file, key, start, end, step)
         else:
             values = np.atleast_1d(np.asarray(given, dtype=np.float64))
     except (KeyError, TypeError, ValueError):
@@ -141,3 +143,13 @@ def _axis(file: str, table: dict[str, Any], name: str) -> Floats:
         raise InputError(f"--grid {file}: {key} must not be negative")
     made: Floats = factor * values.astype(np.float64)
     return made
+
+
+def _range(file: str, key: str, start: float, end: float, step: float) -> Floats:
+    """From `start` to `end`, both included."""
+    if not step > 0.0:
+        raise InputError(f"--grid {file}: the step of {key} must be positive, is {step:g}")
+    if not (math.isfinite(start) and start <= end <= start + step * _CASES_LARGEST):
+        raise InputError(f"--grid {file}: {key} from {start:g} to {end:g} in steps of {step:g} is no range")
+    values: Floats = start + step * np.arange(int((end - start) / step + 1e-9) + 1)
+    return values

@@ -15,7 +15,7 @@ import numpy as np
 from interdrive.alks import worlds
 from interdrive.alks.grids import MANOEUVRES, Grid
 from interdrive.reference_drivers import DRIVERS, car_following, cut_in, cut_out
-from interdrive.simulation import simulate
+from interdrive.simulation import Simulation
 from interdrive.storage import Column, arrow_table
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Bools, Floats
     from interdrive.reference_drivers import Endings
-    from interdrive.runs import Run
     from interdrive.storage import ArrowTable
 
 #: Systems on motorways see farther than vehicles in towns [m].
@@ -117,8 +116,9 @@ def driven(
         on_cases: Called with the number of cases that are done.
 
     Raises:
-        InputError: There is no such planner or predictor.
+        InputError: There is no such planner or predictor, or a case has a number that is none.
     """
+    reference(grid, "cc")  # refuses such numbers
     one = partial(_drive, grid.manoeuvre, planner, predictor)
     rows = [grid.case(row) for row in range(len(grid))]
     chunks = [rows[start : start + _CHUNK] for start in range(0, len(rows), _CHUNK)]
@@ -216,13 +216,14 @@ def _drive(
     manoeuvre: str, planner: str, predictor: str, cases: Sequence[dict[str, float]]
 ) -> list[tuple[bool, float, float]]:
     """Crash, impact speed and least time to collision of each case with a planner."""
-    return [_ending(_run(manoeuvre, planner, predictor, case)) for case in cases]
+    return [_ending(_driven(manoeuvre, planner, predictor, case)) for case in cases]
 
 
-def _run(manoeuvre: str, planner: str, predictor: str, case: dict[str, float]) -> Run:
+def _driven(manoeuvre: str, planner: str, predictor: str, case: dict[str, float]) -> Simulation:
+    """The simulation of a case at its end. It is not recorded: violations and reasons take as long as driving."""
     velocity = case["velocity"]
     if manoeuvre == "cut_in":
-        lateral = (worlds.LANE + 1.0) / case["sideways"]
+        lateral = (worlds.LANE + 1.0) / case["sideways"] if case["sideways"] > 0.0 else 0.0
         time = max(lateral, case["gap"] / (velocity - case["other_velocity"])) + case["sideways"]
         tracks = worlds.cut_in(case, _steps(time))
     else:
@@ -233,7 +234,7 @@ def _run(manoeuvre: str, planner: str, predictor: str, case: dict[str, float]) -
             tracks = worlds.cut_out(case, _steps(time), kept)
         else:
             tracks = worlds.car_following(case, _steps(velocity / case["deceleration"]), kept)
-    return simulate(
+    simulation = Simulation(
         worlds.scenario(f"alks_{manoeuvre}", tracks, velocity),
         agents=[worlds.EGO],
         planner=planner,
@@ -241,14 +242,17 @@ def _run(manoeuvre: str, planner: str, predictor: str, case: dict[str, float]) -
         settings={"view.sensor_radius": SENSOR_RADIUS, "step.grace_factor": 1.0},
         threads=1,
     )
+    while not simulation.is_done:
+        simulation.step()
+    return simulation
 
 
 def _steps(time: float) -> int:
     return min(_STEPS_MAX, int((time + _AFTERWARDS) / worlds.DT))
 
 
-def _ending(run: Run) -> tuple[bool, float, float]:
-    ended, states = run.outcomes, run.states
+def _ending(simulation: Simulation) -> tuple[bool, float, float]:
+    ended, states = simulation.outcomes(), simulation.states()
     crash = ended.outcome[0] == "collision" and int(ended.partner_id[0]) >= 0
     row = int(np.searchsorted(states.participant_id, worlds.EGO))
     least = math.inf

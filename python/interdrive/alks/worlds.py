@@ -53,8 +53,8 @@ class Track:
 def cut_in(case: Mapping[str, float], steps: int) -> tuple[Track, ...]:
     """A vehicle comes from the lane on the left: `velocity`, `other_velocity`, `gap`, `sideways`."""
     velocity, other, lateral = case["velocity"], case["other_velocity"], case["sideways"]
-    n_ramp = int(lateral / (_SIDEWAYS_ACCELERATION * DT) + 1e-9)
-    n_lateral = math.floor((_SIDE + WIDTH) / lateral / DT) + 1
+    n_ramp = int(lateral / (_SIDEWAYS_ACCELERATION * DT))
+    n_lateral = math.floor((_SIDE + WIDTH) / lateral / DT) + 1 if lateral > 0.0 else steps
     sideways = np.zeros(steps)
     sideways[:n_ramp] = _SIDEWAYS_ACCELERATION * DT * np.arange(1, n_ramp + 1)[:steps]
     sideways[n_ramp : n_ramp + n_lateral] = lateral

@@ -9,6 +9,7 @@ import math
 import re
 import types
 from dataclasses import MISSING, Field, fields, is_dataclass, replace
+from functools import cache
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -211,6 +212,7 @@ def _clause(text: str, expected: str) -> str:
     return f"{expected} ({clause[:1].lower()}{clause[1:]})" if clause else expected
 
 
+@cache
 def _hint(owner: type, field: str) -> tuple[object, str]:
     """The type of a field and its unit ("s" for `Annotated[float, "s"]`); "" if none.
 

@@ -147,12 +147,12 @@ impl Ego {
 
 /// Steps before the stated gap in which the sideways speed of a cut-in grows.
 pub fn ramp_steps(sideways: f64) -> usize {
-    (sideways / (SIDEWAYS_ACCELERATION * DT) + 1e-9) as usize
+    (sideways / (SIDEWAYS_ACCELERATION * DT)) as usize
 }
 
-/// Steps with the stated sideways speed.
+/// Steps with the stated sideways speed; without one the other never arrives.
 pub fn lateral_steps(sideways: f64) -> usize {
-    (10.0 * (SIDE + WIDTH) / sideways).floor() as usize + 1
+    ((10.0 * (SIDE + WIDTH) / sideways).floor() as usize).saturating_add(1)
 }
 
 impl CutIn {
@@ -168,7 +168,9 @@ impl CutIn {
             self.other_velocity.is_finite() && self.other_velocity >= 0.0,
             "not be negative",
         )?;
-        check_speeds(self.velocity, &[("the sideways speed", self.sideways)])
+        let sideways = self.sideways;
+        check("the sideways speed", sideways, sideways.is_finite() && sideways >= 0.0, "not be negative")?;
+        check_speeds(self.velocity, &[])
     }
 
     /// With a driver in the place of the system.
@@ -232,11 +234,14 @@ impl CutOut {
         let mut ego = Ego::new(driver, velocity);
         let mut x = driver.kept_distance(velocity) + LENGTH;
         let revealed = x + LENGTH + front_distance;
-        let (mut y, mut leader_velocity, mut leader_crash) = (0.0, velocity, false);
+        let (mut y, mut leader_velocity, mut leader_crash, mut has_stopped) = (0.0, velocity, false, false);
         let mut ending = Ending::OPEN;
         for _ in 0..N_STEPS {
             if !leader_crash && y < WIDTH && (revealed - x).abs() < 0.5 * (LENGTH + REVEALED_LENGTH) {
                 (leader_crash, leader_velocity) = (true, 0.0);
+            }
+            if has_stopped {
+                break;
             }
             let leader = ego.sees((x, leader_velocity, LENGTH), y - WIDTH, if leader_crash { 0.0 } else { -sideways });
             let standing = ego.sees((revealed, 0.0, REVEALED_LENGTH), -WIDTH, 0.0);
@@ -253,9 +258,7 @@ impl CutOut {
             }
             let is_danger = in_view && driver.sees_danger(seen, Encounter::Ahead);
             ego.step(if in_view { seen } else { &leader }, is_danger);
-            if ego.velocity <= 0.0 {
-                break;
-            }
+            has_stopped = ego.velocity <= 0.0;
             x += leader_velocity * DT;
             y += if leader_crash { 0.0 } else { sideways * DT };
         }
@@ -340,7 +343,7 @@ mod tests {
         for (wrong, words) in [
             (CutIn { velocity: -1.0, ..case }, "a speed must not be negative, is -1"),
             (CutIn { gap: f64::NAN, ..case }, "the gap must not be negative, is NaN"),
-            (CutIn { sideways: 0.0, ..case }, "the sideways speed must be positive, is 0"),
+            (CutIn { sideways: -0.1, ..case }, "the sideways speed must not be negative, is -0.1"),
         ] {
             assert_eq!(wrong.check().expect_err("refused").to_string(), words);
         }
