@@ -23,7 +23,7 @@ PLANNERS = "rollout,frenet,idm,idm_mobil,lawful,velocity_adjusting,cc,r157,rss,f
 
 
 def conflicts(path: Path, planner: str, agents: int, out: Path | None) -> tuple[int, list[dict[str, Any]]]:
-    """Number of agents of a file, and a row per conflict: what happened, each verdict, and whether blame finds a fault."""
+    """Number of agents of a file, and a row per conflict: what happened, each verdict, and the fault by blame."""
     try:
         run = idr.simulate(path, agents=agents, planner=planner, predictor="lane_following", threads=1)
     except idr.InputError:

@@ -84,7 +84,7 @@ def test_all_followings_end_as_in_the_table(driver):
 
 @pytest.fixture(scope="module")
 def whole_grids():
-    """What JRC-FSM answers on its whole grids: 0 no crash; in cut-ins 1 from the side, 2 from behind; else 1 a crash."""
+    """What JRC-FSM answers on its whole grids: 0 no crash; in cut-ins 1 from the side, 2 from behind; else 1."""
     return np.load(FOLDER / "jrc_grids.npz")
 
 

@@ -151,5 +151,5 @@ def _range(file: str, key: str, start: float, end: float, step: float) -> Floats
         raise InputError(f"--grid {file}: the step of {key} must be positive, is {step:g}")
     if not (math.isfinite(start) and start <= end <= start + step * _CASES_LARGEST):
         raise InputError(f"--grid {file}: {key} from {start:g} to {end:g} in steps of {step:g} is no range")
-    values: Floats = start + step * np.arange(int((end - start) / step + 1e-9) + 1)
+    values: Floats = start + step * np.arange(int((end - start) / step + 1e-9) + 1, dtype=np.float64)
     return values
