@@ -54,6 +54,8 @@ _HOME = {
     "Rss": "planners",
     "Trajectory": "planners",
     "VelocityAdjusting": "planners",
+    "Realism": "traffic_realism",
+    "realism": "traffic_realism",
     "PredictionEvaluation": "prediction_evaluation",
     "evaluate_predictors": "prediction_evaluation",
     "ConstantVelocity": "predictors",

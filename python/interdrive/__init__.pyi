@@ -68,3 +68,4 @@ from interdrive.scenario.agents import AgentSettings as AgentSettings, GoalSetti
 from interdrive.scoring import Score as Score, ScoringSettings as ScoringSettings, score as score
 from interdrive.simulation import Simulation as Simulation, simulate as simulate
 from interdrive.studies import CaseStudy as CaseStudy, case_study as case_study
+from interdrive.traffic_realism import Realism as Realism, realism as realism

@@ -263,6 +263,19 @@ class Route:
     def find(
         road: RoadNetwork, x: float, y: float, orientation: float, velocity: float, goal: Goal, user: int = ...
     ) -> Route: ...
+    @staticmethod
+    def along(
+        road: RoadNetwork,
+        x: float,
+        y: float,
+        orientation: float,
+        velocity: float,
+        track: _Floats,
+        *,
+        keeps_lane: bool,
+        length: float,
+        user: int = ...,
+    ) -> Route: ...
     @property
     def lanelet_ids(self) -> list[int]: ...
     @property
@@ -557,6 +570,7 @@ class Agent:
         view: ViewSettings,
         rules: RulesSettings,
         v2x: bool | None = None,
+        replays_before: bool = False,
     ) -> Agent: ...
 
 @final

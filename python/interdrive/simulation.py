@@ -25,7 +25,7 @@ from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_note
 from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog
 from interdrive.run.orders import orders_of
-from interdrive.run.reasons import STANDSTILL, reasons
+from interdrive.run.reasons import NO_ROOM, STANDSTILL, reasons
 from interdrive.run.violations import violations
 from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario, SourceOptions
@@ -387,7 +387,11 @@ class Simulation:
         """One line if the run ended before the time of its agents: after its largest number of steps, or standing."""
         rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
         # The core gives a reason for this outcome only if it ends the whole run.
-        ended = {i: message for i, outcome, message in rows if outcome == "time_limit" and message}
+        ended = {
+            i: message
+            for i, outcome, message in rows
+            if outcome == "time_limit" and message and not message.startswith(NO_ROOM)
+        }
         if not ended:
             return []
         numbers = [str(i) for i in ended]

@@ -77,6 +77,7 @@ fn world(planner: &Planner) -> World {
             vehicle: Vehicle::BMW_320I,
             initial_state,
             start_time_step: 0,
+            replays_before: false,
             goal: Goal { states: vec![anywhere.clone()] },
             route: Arc::new(route),
             planner: planner.clone(),

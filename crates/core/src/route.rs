@@ -1,5 +1,6 @@
 //! From a start pose to a goal: which lanelets, and the reference path along them.
 
+mod along;
 mod corridor;
 mod search;
 #[cfg(test)]
@@ -11,6 +12,7 @@ use crate::geometry::shape::PlacedShape;
 use crate::geometry::{Point, Pose};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::vehicle::ParticipantKind;
+pub use along::route_along;
 use corridor::{Corridor, Stretch};
 use search::Step;
 

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::PlacedShape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::RoadNetwork;
-use interdrive_core::route::{Route, RouteSettings, find_route};
+use interdrive_core::route::{Route, RouteSettings, find_route, route_along};
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::start::first_state;
 use interdrive_core::trajectory::State;
 use interdrive_core::vehicle::ParticipantKind;
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::arrays::{self, Grid, Row};
@@ -115,6 +115,44 @@ impl PyRoute {
         let user = ParticipantKind::from_code(user).map_err(exception)?;
         let settings = RouteSettings { user, ..RouteSettings::default() };
         let route = detached(py, || find_route(&network, start, velocity, &areas, &settings))?;
+        Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
+    }
+
+    /// Route and reference path from a pose that follow a track at forks, for a kind of participant, given by its code;
+    /// raises `NoRouteError`.
+    ///
+    /// Args:
+    ///     road: The roads.
+    ///     x: Start [m], world frame.
+    ///     y: The same [m].
+    ///     orientation: Heading [rad].
+    ///     velocity: Speed [m/s].
+    ///     track: Positions from the start on [m], shape (points, 2).
+    ///     keeps_lane: Leaves its lane only where that ends.
+    ///     length: Length of the route [m], if the road is as long.
+    ///     user: Code of the kind.
+    #[staticmethod]
+    #[pyo3(signature = (
+        road, x, y, orientation, velocity, track, *, keeps_lane, length, user = ParticipantKind::Car as i64
+    ))]
+    fn along(
+        py: Python<'_>,
+        road: &PyRoadNetwork,
+        x: f64,
+        y: f64,
+        orientation: f64,
+        velocity: f64,
+        track: PyReadonlyArray2<'_, f64>,
+        keeps_lane: bool,
+        length: f64,
+        user: i64,
+    ) -> PyResult<Self> {
+        let track = arrays::read_points("track", &track)?;
+        let start = Pose::new(x, y, orientation);
+        let network = Arc::clone(&road.0);
+        let user = ParticipantKind::from_code(user).map_err(exception)?;
+        let settings = RouteSettings { user, free_length: length, ..RouteSettings::default() };
+        let route = detached(py, || route_along(&network, start, velocity, &track, keeps_lane, &settings))?;
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
     }
 

@@ -44,7 +44,8 @@ pub struct PyAgent(pub Agent);
 impl PyAgent {
     #[new]
     #[pyo3(signature = (
-        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules, v2x=None
+        id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules, v2x=None,
+        replays_before=false
     ))]
     fn new(
         id: i64,
@@ -59,6 +60,7 @@ impl PyAgent {
         view: &Bound<'_, PyAny>,
         rules: &Bound<'_, PyAny>,
         v2x: Option<bool>,
+        replays_before: bool,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
         Ok(Self(Agent {
@@ -68,6 +70,7 @@ impl PyAgent {
             vehicle: vehicle.0,
             initial_state: State { x, y, orientation, velocity, acceleration, yaw_rate },
             start_time_step,
+            replays_before,
             goal: goal.0.clone(),
             route: Arc::clone(&route.route),
             planner: planner.map_or(Planner::External, |planner| planner.0.clone()),

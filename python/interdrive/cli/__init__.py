@@ -33,6 +33,7 @@ from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.preventability import preventability
+from interdrive.cli.realism import realism
 from interdrive.cli.run import run
 from interdrive.cli.score import score
 from interdrive.cli.settings import settings
@@ -137,6 +138,7 @@ _GROUPS = {
         (adversaries, "Check that bad drivers rank below honest ones."),
         (alks, "Drive the manoeuvres of UN R157 over a grid."),
         (predict_eval, "Compare predictions with recordings."),
+        (realism, "Measure how far planners drive from recorded people."),
     ),
     "Look up": (
         (settings, "List settings with defaults, units and meaning."),

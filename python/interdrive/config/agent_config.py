@@ -84,6 +84,7 @@ def core_agent(agent: Agent, config: AgentConfig, planner: _core.Planner | None)
         config.view,
         config.rules,
         config.v2x,
+        agent.replays_before,
     )
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: So begins what the core says of agents that end because nothing moves any more.
 STANDSTILL = "nothing moved any more"
+#: So begins what it says of agents that did not enter.
+NO_ROOM = "found no room to enter"
 
 #: Shorter stops and shorter times without an admissible sample are no reason for being late [s].
 _LONG = 1.0
@@ -72,6 +74,8 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
             text = _joined(f"no plan{before}: {because}", why and f"most samples were rejected: {why}")
         case "goal_reached_late":
             text = _joined(_lateness(run, agent), *_causes(run, agent))
+        case "time_limit" if message.startswith(NO_ROOM):
+            text = message
         case "goal_missed":
             text = approach(run, agent).words or "drove past its goal"
         case _:

@@ -5,21 +5,32 @@ from __future__ import annotations
 import math
 import operator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, get_args
 
 import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError, check_between
 from interdrive.scenario.inspection import DRIVABLE_KINDS, candidates
+from interdrive.scenario.known_goals import (
+    Information,
+    Temperament,
+    arrival,
+    desired_speed,
+    map_end,
+    onwards,
+    route_length,
+    track_of,
+)
 from interdrive.scenario.limits import LARGEST_VELOCITY
 from interdrive.scenario.model import KINDS, GoalState, InitialState
 from interdrive.scenario.native import core_shape
 from interdrive.scenario.shape import Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from interdrive.array_types import Floats
     from interdrive.scenario.model import PlanningProblem, Scenario
 
 #: CommonRoad vehicle type of a planning problem's vehicle without other wishes: BMW 320i.
@@ -44,14 +55,20 @@ class AgentSettings:
         min_displacement: Smallest distance that a vehicle must get away from its start.
         vehicle_type: CommonRoad vehicle type of planning problems: 1 (Ford Escort), 2 (BMW 320i), 3 (VW Vanagon), 4
             (truck). 0: the recorded vehicle at their start, otherwise type 2.
+        plan_from: From when on recorded vehicles plan, counted from the first time step; until then they replay.
+            Vehicles that enter later plan from then on, vehicles that have left by then only replay. What planning
+            problems drive starts as they state.
     """
 
     min_displacement: Annotated[float, "m"] = 10.0
     vehicle_type: int = 0
+    plan_from: Annotated[float, "s"] = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
         check_between("vehicle_type", self.vehicle_type, 0, 4)
+        if not 0.0 <= self.plan_from <= 1e5:
+            raise InputError("plan_from", f"must be at least 0 and at most 100000, not {self.plan_from}")
 
 
 @dataclass(frozen=True)
@@ -67,6 +84,9 @@ class GoalSettings:
         limit_share: Largest share of the local speed limit that a goal may demand, whatever `rules.speed_factor` and
             the recorded speed; inf: no bound.
         orientation_tolerance: Allowed difference from the direction of the lane.
+        information: What an agent knows of its recording. timed: where it ends, when and how fast. place: where it
+            ends. route: the recorded lanelets. turns: the recorded turns at forks, but no lane changes. Without the
+            time it wants to be as fast as the traffic around its start, and drives until the recording is over.
     """
 
     length_before: Annotated[float, "m"] = 5.0
@@ -76,9 +96,14 @@ class GoalSettings:
     velocity_tolerance: Annotated[float, "m/s"] = 5.0
     limit_share: float = 0.9
     orientation_tolerance: Annotated[float, "rad"] = 0.5
+    information: Information = "timed"
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
+        if self.information not in get_args(Information):
+            raise InputError(
+                "information", f"must be one of {', '.join(get_args(Information))}, not {self.information!r}"
+            )
         for name in ("length_before", "length_after", "time_early", "time_late"):
             if not getattr(self, name) >= 0:
                 raise InputError(name, f"must not be negative, is {getattr(self, name)}")
@@ -105,6 +130,7 @@ class Agent:
         vehicle: Limits.
         route: Route and reference path.
         native_goal: The goal for the core.
+        replays_before: It replays its recording until it starts.
     """
 
     id: int
@@ -117,6 +143,7 @@ class Agent:
     vehicle: _core.Vehicle
     route: _core.Route
     native_goal: _core.Goal
+    replays_before: bool = False
 
 
 @dataclass(frozen=True)
@@ -133,6 +160,9 @@ class _Proposal:
     velocity_max: float
     vehicle_type: int = 0  # 0: limits that fit the footprint
     past: tuple[tuple[float, float], ...] = ()  # recorded speeds and headings right before the start
+    track: Floats | None = None  # the route follows it; None: the route leads to the goal
+    keeps_lane: bool = False
+    speed: float = 0.0  # desired on a free road, where no time is known
 
 
 #: What chooses agents, for messages.
@@ -166,6 +196,7 @@ def select(
     goal_settings: GoalSettings,
     max_steps: int,
     seed: int,
+    temperament: Callable[[int, str], Temperament] | None = None,
 ) -> tuple[list[Agent], list[str]]:
     """Chooses and prepares the agents.
 
@@ -178,6 +209,7 @@ def select(
         goal_settings: How goals are derived.
         max_steps: Number of time steps after which the run ends; vehicles that start later cannot be agents.
         seed: For the choice of a number.
+        temperament: Of the driver of a vehicle by id and kind; None: all are alike.
 
     Returns:
         The agents, sorted by id, and one line per vehicle that stays recorded although it may have been meant.
@@ -186,7 +218,9 @@ def select(
         InputError: Unknown id, an id that cannot be an agent, or no agent left.
         NoRouteError: An agent asked for by id has no route.
     """
-    proposals, reasons, notes = _proposals(scenario, road, agent_settings, goal_settings, max_steps)
+    proposals, reasons, notes = _proposals(
+        scenario, road, agent_settings, goal_settings, max_steps, temperament or _usual_temperament
+    )
     explicit = not isinstance(agents, str | int)
     chosen = _choose(proposals, reasons, agents, seed)
     built: list[Agent] = []
@@ -194,7 +228,7 @@ def select(
     while waiting:
         proposal = waiting.pop(0)
         try:
-            built.append(_build(proposal, road, scenario.dt))
+            built.append(_build(proposal, road, scenario))
         except InputError as error:
             if explicit:
                 raise
@@ -229,11 +263,11 @@ def possible_agents(
         goal_settings: How goals are derived.
         max_steps: Number of time steps after which the run ends.
     """
-    proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings, max_steps)
+    proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings, max_steps, _usual_temperament)
     able = []
     for proposal in proposals:
         try:
-            _build(proposal, road, scenario.dt)
+            _build(proposal, road, scenario)
             able.append(proposal.id)
         except InputError as error:
             reasons[proposal.id] = error.message
@@ -287,6 +321,7 @@ def _proposals(
     agent_settings: AgentSettings,
     goal_settings: GoalSettings,
     max_steps: int,
+    temperament: Callable[[int, str], Temperament],
 ) -> tuple[list[_Proposal], dict[int, str], list[str]]:
     notes: list[str] = []
     reasons: dict[int, str] = {}
@@ -309,7 +344,12 @@ def _proposals(
         if any(obstacle_id == p.id for p in proposals):
             continue
         if accepted:
-            proposals.append(_from_recording(scenario, road, obstacle_id, goal_settings))
+            begin = round(agent_settings.plan_from / scenario.dt)
+            planned = _from_recording(scenario, road, obstacle_id, goal_settings, begin, temperament)
+            if planned is None:
+                reasons[obstacle_id] = f"has left by agents.plan_from ({agent_settings.plan_from:g} s)"
+            else:
+                proposals.append(planned)
         else:
             reasons[obstacle_id] = reason
     late = [p for p in proposals if p.initial_state.time_step >= max_steps]
@@ -422,11 +462,28 @@ def _past(scenario: Scenario, row: int, time_step: int) -> tuple[tuple[float, fl
     return tuple(values)
 
 
-def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: int, settings: GoalSettings) -> _Proposal:
+def _usual_temperament(_agent: int, _kind: str) -> Temperament:
+    return Temperament()
+
+
+def _from_recording(
+    scenario: Scenario,
+    road: _core.RoadNetwork,
+    obstacle_id: int,
+    settings: GoalSettings,
+    begin: int,
+    temperament: Callable[[int, str], Temperament],
+) -> _Proposal | None:
+    """The agent of a recorded vehicle that plans from a time step on; None if it has left by then."""
     obstacles = scenario.obstacles
     row = int(np.searchsorted(obstacles.ids, obstacle_id))
     steps = np.flatnonzero(obstacles.valid[row])
+    steps = steps[steps >= begin]
+    if len(steps) < 2:
+        return None
     first, last = int(steps[0]), int(steps[-1])
+    # Accelerations of recordings are often smoothed, and so know what comes.
+    is_past_only = begin > 0 or settings.information != "timed"
 
     def value(table: np.ndarray, column: int) -> float:
         return float(table[row, column])
@@ -434,7 +491,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
     def stated(name: str) -> float:
         """A first value; nan if it was derived from what the vehicle does later."""
         derived = bool(obstacles.derived) and name in obstacles.derived[row]
-        return math.nan if derived else value(getattr(obstacles, name), first)
+        return math.nan if derived or is_past_only else value(getattr(obstacles, name), first)
 
     initial = InitialState(
         time_step=first,
@@ -449,6 +506,32 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
     orientation, velocity = value(obstacles.orientation, last), value(obstacles.velocity, last)
     kind = obstacles.kinds[row]
     areas, lane_orientation = _goal_areas(road, x, y, orientation, kind, settings)
+    usual = _Proposal(
+        id=obstacle_id,
+        names=(obstacle_id,),
+        origin="recorded",
+        kind=kind,
+        shape=obstacles.shapes[row],
+        initial_state=initial,
+        goal=(),
+        velocity_max=float(np.nanmax(np.abs(obstacles.velocity[row]))),
+        past=_past(scenario, row, first) if is_past_only else (),
+    )
+    if settings.information != "timed":
+        limit = float(road.lane_rules(*(np.array([v]) for v in (initial.x, initial.y, initial.orientation)))[0][0])
+        limit = math.inf if math.isnan(limit) else limit
+        speed = desired_speed(scenario, row, first, limit, temperament(obstacle_id, kind))
+        end = obstacles.n_steps - 1
+        knows_place = settings.information != "turns"
+        places = (arrival(areas, first, end),) if knows_place else ()
+        return replace(
+            usual,
+            goal=(onwards(speed, first, end), *places),
+            track=None if settings.information == "place" else track_of(scenario, row, first),
+            keeps_lane=settings.information == "turns",
+            speed=speed,
+            velocity_max=max(speed, float(initial.velocity)),
+        )
     early = settings.time_early / scenario.dt
     limit = float(road.lane_rules(np.array([x]), np.array([y]), np.array([orientation]))[0][0])
     allowed = math.inf if math.isnan(limit) else settings.limit_share * limit
@@ -465,16 +548,7 @@ def _from_recording(scenario: Scenario, road: _core.RoadNetwork, obstacle_id: in
             lane_orientation + settings.orientation_tolerance,
         ),
     )
-    return _Proposal(
-        id=obstacle_id,
-        names=(obstacle_id,),
-        origin="recorded",
-        kind=kind,
-        shape=obstacles.shapes[row],
-        initial_state=initial,
-        goal=(goal,),
-        velocity_max=float(np.nanmax(np.abs(obstacles.velocity[row]))),
-    )
+    return replace(usual, goal=(goal,))
 
 
 def _goal_speeds(velocity: float, tolerance: float, allowed: float) -> tuple[float, float]:
@@ -505,22 +579,33 @@ def _goal_areas(
     return (Shape("rectangle", length=length, width=4.0, center=center, orientation=orientation),), orientation
 
 
-def _build(proposal: _Proposal, road: _core.RoadNetwork, dt: float) -> Agent:
-    state = proposal.initial_state
+def _native_goal(goal: tuple[GoalState, ...]) -> _core.Goal:
+    return _core.Goal(
+        [
+            (
+                [core_shape(area) for area in alternative.areas],
+                alternative.time_step,
+                alternative.velocity,
+                alternative.orientation,
+            )
+            for alternative in goal
+        ]
+    )
+
+
+def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> Agent:
+    state, dt = proposal.initial_state, scenario.dt
+    start = (state.x, state.y, state.orientation, state.velocity)
+    user = KINDS.index(proposal.kind)
     try:
-        goal = _core.Goal(
-            [
-                (
-                    [core_shape(area) for area in alternative.areas],
-                    alternative.time_step,
-                    alternative.velocity,
-                    alternative.orientation,
-                )
-                for alternative in proposal.goal
-            ]
-        )
-        user = KINDS.index(proposal.kind)
-        route = _core.Route.find(road, state.x, state.y, state.orientation, state.velocity, goal, user)
+        goal = _native_goal(proposal.goal)
+        if proposal.track is None:
+            route = _core.Route.find(road, *start, goal, user)
+        else:
+            length, keeps_lane = route_length(proposal.speed), proposal.keeps_lane
+            route = _core.Route.along(road, *start, proposal.track, keeps_lane=keeps_lane, length=length, user=user)
+            proposal = _leaving_map(proposal, road, scenario, route)
+            goal = _native_goal(proposal.goal)
     except InputError as error:
         raise error.within(f"agent {proposal.id}") from None
     vehicle = _vehicle(proposal)
@@ -540,7 +625,18 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, dt: float) -> Agent:
         vehicle=vehicle,
         route=route,
         native_goal=goal,
+        replays_before=bool(proposal.past) and proposal.origin == "recorded",
     )
+
+
+def _leaving_map(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario, route: _core.Route) -> _Proposal:
+    """The same, done where its route leads out of the map."""
+    length = core_shape(proposal.shape).extent[0]
+    areas = map_end(scenario, road, route.lanelet_ids[-1], length, proposal.speed)
+    if not areas:
+        return proposal
+    first, last = proposal.initial_state.time_step, proposal.goal[0].time_step[0]
+    return replace(proposal, goal=(*proposal.goal, arrival(areas, first, last)))
 
 
 def _vehicle(proposal: _Proposal, velocity_max: float | None = None) -> _core.Vehicle:

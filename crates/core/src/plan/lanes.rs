@@ -182,7 +182,9 @@ struct Ends {
 
 impl Ends {
     fn of(route: &Route, goal: &Goal, scenario: &Scenario) -> Self {
-        let has_place = goal.states.iter().any(|state| !state.areas.is_empty());
+        // As for the desired speed, the alternative that may be met last counts.
+        let last = goal.states.iter().max_by_key(|state| state.time_step.1);
+        let has_place = last.is_some_and(|state| !state.areas.is_empty());
         let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
         Self {
             changes: missing_changes(&scenario.road, route, goal_lanelet),

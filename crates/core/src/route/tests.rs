@@ -413,3 +413,50 @@ fn pieces_know_where_their_lanelets_are_though_these_do_not_end_beside_each_othe
         assert!((x(piece.start) - start).abs() < 0.5 && (x(piece.end) - end).abs() < 0.5, "{piece:?}");
     }
 }
+
+fn along(road: &RoadNetwork, start: Pose, track: &[Point], keeps_lane: bool) -> Vec<i64> {
+    let settings = RouteSettings { free_length: 200.0, ..RouteSettings::default() };
+    let route = route_along(road, start, SPEED, track, keeps_lane, &settings).expect("there is a route");
+    assert!(route.goal_entry_s.is_nan() && route.start_s >= 0.0);
+    ids(road, &route)
+}
+
+#[test]
+fn a_route_along_a_track_takes_its_turn_and_goes_straight_on_where_the_track_ends() {
+    let road = fork();
+    let start = Pose::new(10.0, 0.0, 0.0);
+    let ahead: Vec<Point> = (10..50).map(|x| Point::new(f64::from(x), 0.3)).collect();
+    let turn = (0..15).map(|i| f64::from(i) / 10.0).map(|a| Point::new(50.0 + 20.0 * a.sin(), 20.0 - 20.0 * a.cos()));
+    let turning: Vec<Point> = ahead.iter().copied().chain(turn).collect();
+    let straight: Vec<Point> = (10..90).map(|x| Point::new(f64::from(x), -0.4)).collect();
+    assert_eq!(along(&road, start, &turning, true), [1, 3]);
+    assert_eq!(along(&road, start, &straight, true), [1, 2]);
+    assert_eq!(along(&road, start, &ahead, true), [1, 2]);
+    assert_eq!(along(&road, start, &[], true), [1, 2]);
+}
+
+#[test]
+fn a_route_along_a_track_changes_lanes_with_it_unless_it_keeps_its_lane() {
+    let road = sections(3, 60.0);
+    let start = Pose::new(10.0, 0.0, 0.0);
+    let track: Vec<Point> =
+        (10..170).map(f64::from).map(|x| Point::new(x, if x < 80.0 { 0.0 } else { LANE_WIDTH })).collect();
+    assert_eq!(along(&road, start, &track, true), [11, 21, 31]);
+    assert_eq!(along(&road, start, &track, false), [11, 21, 22, 32]);
+}
+
+#[test]
+fn a_route_leaves_a_lane_that_ends() {
+    let mut lanelets = parallel_lanes(2, 60.0);
+    let left = with_successors(lanelets.remove(1), &[3]);
+    lanelets.push(left);
+    lanelets.push(lane(3, &straight((60.0, LANE_WIDTH), (200.0, LANE_WIDTH))));
+    let road = open(lanelets);
+    assert_eq!(along(&road, Pose::new(10.0, 0.0, 0.0), &[], true), [1, 2, 3]);
+}
+
+#[test]
+fn a_route_along_a_track_needs_a_lane_to_start_on() {
+    let error = route_along(&fork(), Pose::new(10.0, 30.0, 0.0), SPEED, &[], true, &RouteSettings::default());
+    assert!(error.expect_err("beside the road").to_string().contains("no lanelet within 1.5 m of the start"));
+}

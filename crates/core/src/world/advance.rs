@@ -143,6 +143,11 @@ impl World {
         next.extend(
             self.recorded_row.iter().map(|row| row.and_then(|row| self.recorded_state(row, self.time_step + 1))),
         );
+        for drive in &self.drives {
+            if let Some(recorded) = drive.replayed.filter(|_| self.time_step + 1 < drive.agent.start_time_step) {
+                next[drive.row] = self.recorded_state(recorded, self.time_step + 1);
+            }
+        }
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
             let (plan, made) = drive.plan.as_ref().expect("a driving agent has a plan");
             let index = (self.time_step + 1 - made) as usize;
@@ -228,7 +233,8 @@ impl World {
         let Some(drive) = self.drives.iter_mut().find(|drive| drive.row == row) else { return };
         let message = format!("contact at {:.3} s", (self.time_step as f64 + fraction) * self.scenario.dt);
         let earlier = drive.outcome.kind == OutcomeKind::Collision && drive.contact_fraction <= fraction;
-        if earlier || !matches!(drive.outcome.kind, OutcomeKind::Running | OutcomeKind::Collision) {
+        let is_to_come = self.time_step < drive.agent.start_time_step;
+        if earlier || is_to_come || !matches!(drive.outcome.kind, OutcomeKind::Running | OutcomeKind::Collision) {
             return;
         }
         drive.contact_fraction = fraction;
@@ -313,8 +319,21 @@ impl World {
                 }
             }
         }
+        self.let_wait(time_step);
+        for index in 0..self.drives.len() {
+            let drive = &self.drives[index];
+            if let Some(recorded) = drive.replayed.filter(|_| time_step < drive.agent.start_time_step) {
+                let was_absent =
+                    time_step == self.first_time_step || self.recorded_state(recorded, time_step - 1).is_none();
+                let (row, state) = (drive.row, self.recorded_state(recorded, time_step));
+                self.states[row] = state;
+                if was_absent && state.is_some() {
+                    entered.push(row);
+                }
+            }
+        }
         for drive in &mut self.drives {
-            if drive.agent.start_time_step == time_step {
+            if drive.agent.start_time_step == time_step && drive.outcome.kind == OutcomeKind::Running {
                 self.states[drive.row] = Some(drive.agent.initial_state);
                 drive.was_on_road = self.scenario.road.covers(&drive.agent.shape, drive.agent.initial_state.pose());
                 entered.push(drive.row);

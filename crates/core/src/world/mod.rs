@@ -3,6 +3,7 @@
 
 mod advance;
 mod cooperation;
+mod entry;
 mod ordering;
 mod people;
 mod planning;
@@ -63,6 +64,8 @@ pub struct Agent {
     pub initial_state: State,
     /// Time step when it enters.
     pub start_time_step: i64,
+    /// Until then its recording is replayed; otherwise it is absent.
+    pub replays_before: bool,
     /// What it wants.
     pub goal: Goal,
     /// How to get there.
@@ -121,6 +124,10 @@ struct Drive {
     crosswalk: Option<usize>,
     /// Row among the participants.
     row: usize,
+    /// Row of the obstacle that it replays until it starts.
+    replayed: Option<usize>,
+    /// For how many time steps it has waited for room to enter.
+    waited: i64,
     /// Place among the agents with V2X.
     place: Option<usize>,
     outcome: Outcome,

@@ -114,6 +114,7 @@ impl World {
         let (participants, recorded_row) = participants(scenario, agents);
         let has_people = people::any_people(&participants);
         self.drives.clear();
+        let ids = &scenario.obstacles.states.ids;
         self.drives.extend(agents.iter().map(|staged| Drive {
             prepared: Arc::clone(&staged.prepared),
             way: Arc::clone(&staged.way),
@@ -122,6 +123,8 @@ impl World {
             lines: LineMemory::default(),
             crosswalk: None,
             row: participants.ids.binary_search(&staged.agent.id).expect("agents are participants"),
+            replayed: ids.binary_search(&staged.agent.id).ok().filter(|_| staged.agent.replays_before),
+            waited: 0,
             place: None,
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,

@@ -46,6 +46,7 @@ fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
         vehicle,
         initial_state,
         start_time_step: 0,
+        replays_before: false,
         goal: Goal { states: goals },
         route: Arc::new(route),
         planner: Planner::External,

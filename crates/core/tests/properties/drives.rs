@@ -181,6 +181,7 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         vehicle,
         initial_state: state,
         start_time_step,
+        replays_before: false,
         goal,
         route: Arc::new(route),
         planner: planner(source, is_recorded),

@@ -65,6 +65,7 @@ fn agent(proposal: Proposal, road: &RoadNetwork, planner: &Planner) -> Agent {
         vehicle: Vehicle::for_footprint(kind, length, width).expect("a vehicle"),
         initial_state: state,
         start_time_step: 0,
+        replays_before: false,
         goal: Goal { states: vec![goal] },
         route: Arc::new(route.expect("a route")),
         planner: planner.clone(),

@@ -138,6 +138,48 @@ fn agents_and_recorded_ones_come_and_go_at_their_times() {
 }
 
 #[test]
+fn an_agent_replays_its_recording_until_it_starts() {
+    let recorded = |x: f64| Some(at(x, 0.0, 10.0));
+    let own = Recorded::moving(3, [recorded(20.0), recorded(21.0), recorded(22.0), recorded(23.0)]);
+    let replaying = Agent { start_time_step: 2, replays_before: true, ..agent(3, at(22.0, 0.0, 10.0), vec![far()]) };
+    let mut world = world(vec![agent(1, at(60.0, 0.0, 0.0), vec![far()]), replaying], &[own]);
+    for (time_step, x) in [(0, 20.0), (1, 21.0), (2, 22.0), (3, 22.0)] {
+        assert_eq!(world.driving(), if time_step < 2 { vec![1] } else { vec![1, 3] });
+        assert_eq!(state(&world, 3).map(|state| state.x), Some(x), "{time_step}");
+        move_to(&mut world, &[]);
+    }
+}
+
+#[test]
+fn a_contact_with_an_agent_that_still_replays_ends_the_other_one_alone() {
+    let own = Recorded::moving(3, [Some(at(20.0, 0.0, 0.0)); 4]);
+    let replaying = Agent { start_time_step: 3, replays_before: true, ..agent(3, at(20.0, 0.0, 0.0), vec![far()]) };
+    let mut world = world(vec![agent(1, at(14.0, 0.0, 10.0), vec![far()]), replaying], &[own]);
+    move_to(&mut world, &[(1, at(18.0, 0.0, 10.0))]);
+    assert_eq!(outcome(&world, 1).kind, OutcomeKind::Collision);
+    assert_eq!(outcome(&world, 3).kind, OutcomeKind::Running);
+}
+
+#[test]
+fn an_agent_waits_for_room_to_enter_and_gives_up_after_a_while() {
+    let step = StepSettings { entry_wait: 0.25, ..StepSettings::default() };
+    let settings = WorldSettings { step, ..WorldSettings::default() };
+    for (leaves_at, enters_at) in [(2, Some(2)), (9, None)] {
+        let late = Agent { start_time_step: 1, ..agent(3, at(20.0, 0.0, 10.0), vec![far()]) };
+        let blocking = Recorded::moving(7, (0..10).map(|step| (step < leaves_at).then(|| at(28.0, 0.0, 0.0))));
+        let far_away = agent(1, at(150.0, 0.0, 0.0), vec![far()]);
+        let mut world = world_with(vec![far_away, late], &[blocking], settings);
+        for time_step in 1..6 {
+            move_to(&mut world, &[]);
+            assert_eq!(state(&world, 3).is_some(), enters_at.is_some_and(|enters| time_step >= enters), "{time_step}");
+        }
+        let ended = outcome(&world, 3);
+        assert_eq!(ended.kind == OutcomeKind::TimeLimit, enters_at.is_none());
+        assert_eq!(ended.message.starts_with("found no room to enter"), enters_at.is_none());
+    }
+}
+
+#[test]
 fn visibility_is_recorded_where_it_is_asked_for() {
     let others = || [Recorded::standing(7, 60.0, 3.5), Recorded::standing(8, 160.0, 3.5)];
     for record_views in [true, false] {

@@ -1,0 +1,127 @@
+"""Goals of recorded vehicles that do not tell the recorded time: a place, the recorded lanelets, or the turns alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+
+from interdrive.scenario.model import GoalState
+from interdrive.scenario.shape import Shape
+
+if TYPE_CHECKING:
+    from interdrive import _core
+    from interdrive.array_types import Floats
+    from interdrive.scenario.model import Scenario
+
+#: What agents know of their recording.
+Information: TypeAlias = Literal["timed", "place", "route", "turns"]
+
+#: Nobody wants to be slower than this on a free road [m/s].
+_SPEED_MIN = 5.0
+#: Vehicles that are nearer than this [m] and head the same way within this [rad] show how fast traffic is.
+_NEAR, _SAME_WAY = 100.0, math.radians(60.0)
+#: A route without a goal is so long for each metre per second of desired speed [s], and at least so long [m].
+_ROUTE_TIME, _ROUTE_LENGTH = 60.0, 600.0
+#: The map ends for a vehicle this far [m] before its front leaves it, and at least the way of so many time steps.
+_MAP_END, _MAP_END_STEPS = 6.0, 2.0
+
+
+@dataclass(frozen=True)
+class Temperament:
+    """What a driver makes of the traffic around it when it starts.
+
+    Attributes:
+        free_weight: Share of the difference between its speed and that of faster traffic that it wants to make up.
+        desired_factor: Factor on the desired speed that follows, and on speed limits.
+    """
+
+    free_weight: float = 1.0
+    desired_factor: float = 1.0
+
+
+def desired_speed(scenario: Scenario, row: int, time_step: int, limit: float, temper: Temperament) -> float:
+    """Speed that a recorded vehicle wants to have on a free road, from what it could see at a time step [m/s].
+
+    Args:
+        scenario: With the recording.
+        row: Of the vehicle.
+        time_step: At which it is present.
+        limit: Speed limit there [m/s]; inf: none.
+        temper: Of its driver.
+    """
+    obstacles = scenario.obstacles
+    there = obstacles.valid[:, time_step] & ~obstacles.is_static
+    x, y, heading, speed = (
+        table[:, time_step] for table in (obstacles.x, obstacles.y, obstacles.orientation, obstacles.velocity)
+    )
+    near = there & (np.hypot(x - x[row], y - y[row]) < _NEAR)
+    near &= np.cos(heading - heading[row]) > math.cos(_SAME_WAY)
+    near &= np.array([kind not in ("pedestrian", "bicycle") for kind in obstacles.kinds], dtype=np.bool_)
+    near[row] = False
+    own = max(0.0, float(speed[row]))
+    traffic = float(np.median(speed[near])) if near.any() else own
+    wanted = max(_SPEED_MIN, own + temper.free_weight * max(0.0, traffic - own))
+    return temper.desired_factor * min(wanted, limit)
+
+
+def onwards(speed: float, first: int, last: int) -> GoalState:
+    """The goal of a vehicle that goes on until a time step: any place, around a desired speed [m/s]."""
+    last = max(last, first + 1)
+    return GoalState(areas=(), lanelet_ids=(), time_step=(last, last), velocity=(0.0, 2.0 * speed))
+
+
+def arrival(areas: tuple[Shape, ...], first: int, last: int) -> GoalState:
+    """The goal of a vehicle that may arrive at any time."""
+    return GoalState(areas=areas, lanelet_ids=(), time_step=(first + 1, max(first + 1, last - 1)))
+
+
+def track_of(scenario: Scenario, row: int, time_step: int) -> Floats:
+    """Recorded positions from a time step on [m], shape (points, 2)."""
+    obstacles = scenario.obstacles
+    steps = np.flatnonzero(obstacles.valid[row, time_step:]) + time_step
+    return np.column_stack((obstacles.x[row, steps], obstacles.y[row, steps]))
+
+
+def route_length(speed: float) -> float:
+    """Length of a route without a goal [m], for a desired speed [m/s]."""
+    return max(_ROUTE_LENGTH, _ROUTE_TIME * speed)
+
+
+def map_end(
+    scenario: Scenario, road: _core.RoadNetwork, last_lanelet: int, length: float, speed: float
+) -> tuple[Shape, ...]:
+    """Where a vehicle leaves the map, if the last lanelet of its route leads out of it.
+
+    Args:
+        scenario: With the lanelets.
+        road: The same.
+        last_lanelet: Its id.
+        length: Of the vehicle [m].
+        speed: Its desired speed [m/s].
+    """
+    lanelets = scenario.lanelets
+    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
+    side_by_side = [last_lanelet]
+    for neighbours, same in (
+        (lanelets.adjacent_left, lanelets.adjacent_left_same_direction),
+        (lanelets.adjacent_right, lanelets.adjacent_right_same_direction),
+    ):
+        row = rows[last_lanelet]
+        while same[row] and int(neighbours[row]) in rows and int(neighbours[row]) not in side_by_side:
+            side_by_side.append(int(neighbours[row]))
+            row = rows[side_by_side[-1]]
+    areas: list[Shape] = []
+    before = 0.5 * length + max(_MAP_END, _MAP_END_STEPS * speed * scenario.dt)
+    for number in side_by_side:
+        row = rows[number]
+        if lanelets.successors[row] or any(number in ids for ids in lanelets.predecessors):
+            continue
+        centre = 0.5 * (lanelets.left[row] + lanelets.right[row])
+        end = float(np.hypot(*np.diff(centre, axis=0).T).sum())
+        areas += [
+            Shape("polygon", vertices=np.asarray(polygon)) for polygon in road.lane_stretch(number, end, before, 0.0)
+        ]
+    return tuple(areas)

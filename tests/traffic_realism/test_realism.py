@@ -1,0 +1,174 @@
+"""The evaluation as a whole: rows, floors, refusals, the folder, and that it does not look into the future."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import interdrive as idr
+from interdrive import InputError
+from interdrive.scenario import STATE_FIELDS
+from interdrive.testing import Car, straight_road, world
+from interdrive.traffic_realism import rollouts
+from interdrive.traffic_realism.evaluation import _from, _settings
+from interdrive.traffic_realism.folder import save_realism
+from interdrive.traffic_realism.windows import Recording, place_of, read_recordings, windows_of
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Two lanes of a motorway for 20 s: columns at 20 m/s, in which every third car is slower."""
+    cars = [
+        Car(1 + i, 30.0 * (i // 2) + 7.0 * (i % 2), 3.5 * (i % 2), 18.0 if i % 3 == 0 else 20.0) for i in range(14)
+    ]
+    path = tmp_path_factory.mktemp("recording") / "DEU_Motorway-1_1_T-1.xml"
+    idr.write_scenario(world(straight_road(900.0, 2), cars=cars, steps=100, dt=0.2, name=path.stem), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(recording):
+    return idr.realism(recording, ["idm", "idm_mobil,politeness=0.5"], long=16.0, starts=[1.0, 5.0])
+
+
+def _rows(found):
+    return {row.planner: row for row in found.rows}
+
+
+def test_every_planner_stands_beside_the_recording_and_constant_velocity(found):
+    rows = _rows(found)
+    assert list(rows) == ["idm", "idm_mobil,politeness=0.5", "recorded", "constant_velocity"]
+    assert {row.place for row in found.rows} == {"DEU_Motorway"}
+    assert rows["idm"].windows == 2
+    assert rows["idm"].vehicles == 28
+    assert not rows["idm"].is_claim
+    assert any("analog is left out" in note for note in found.notes)
+
+
+def test_the_recording_is_as_good_as_itself(found):
+    row = _rows(found)["recorded"]
+    assert set(row.energy.values()) == {0.0}
+    assert set(row.wasserstein.values()) == {0.0}
+    assert set(row.auc.values()) == {0.5}
+    assert (row.collisions, row.departures, row.not_admitted) == (0.0, 0.0, 0.0)
+
+
+def test_vehicles_that_keep_their_speed_are_forecast_by_constant_velocity(found):
+    rows = _rows(found)
+    assert rows["constant_velocity"].energy[5] == pytest.approx(0.0, abs=1e-6)
+    assert rows["idm"].energy[1] < rows["idm"].energy[5] < 10.0
+    assert rows["idm"].energy_interval[5][0] <= rows["idm"].energy[5] <= rows["idm"].energy_interval[5][1]
+
+
+def test_results_do_not_depend_on_the_number_of_processes(recording, found, tmp_path):
+    again = idr.realism(recording, ["idm", "idm_mobil,politeness=0.5"], long=16.0, starts=[1.0, 5.0], workers=2)
+    folders = [save_realism(one, tmp_path / name) for one, name in ((found, "one"), (again, "two"))]
+    assert again.table.equals(found.table)
+    for name in ("realism.json", "scores.parquet", "table.md"):
+        assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
+
+
+def test_the_folder_has_tables_a_figure_a_page_and_rows_as_typed(found, tmp_path):
+    folder = save_realism(found, tmp_path / "out")
+    about = json.loads((folder / "realism.json").read_text())
+    row = about["rows"][1]
+    assert row["planner"] == "idm_mobil,politeness=0.5"
+    assert set(row["energy"]) == {"1", "3", "5", "8"}
+    assert set(row["auc"]) == {"lon_gap", "coarse", "lat", "all"}
+    assert {"collisions", "not_admitted", "long_collisions", "spread", "persistence"} <= set(row)
+    assert about["knows"] == "knows the recorded turns"
+    scores = pq.read_table(folder / "scores.parquet").to_pylist()
+    assert len(scores) == 4 * 28 * 4
+    assert {name.name for name in folder.iterdir()} >= {"distributions.pdf", "realism.html", "table.csv"}
+    assert "data:image/png" in (folder / "realism.html").read_text()
+
+
+def _shaken(scenario, after):
+    """The same with another course of all vehicles after a time step."""
+    obstacles = scenario.obstacles
+    tables = {name: getattr(obstacles, name).copy() for name in STATE_FIELDS}
+    random = np.random.default_rng(0)
+    for name, table in tables.items():
+        noise = random.normal(size=table[:, after + 1 :].shape)
+        table[:, after + 1 :] += noise * (0.2 if name == "y" else 1.0)
+    return replace(scenario, obstacles=replace(obstacles, **tables))
+
+
+def test_nothing_that_is_recorded_after_the_start_decides_how_vehicles_begin(recording):
+    scenario = idr.read_scenario(recording)
+    plans = []
+    for one in (scenario, _shaken(scenario, 40)):
+        window = windows_of([Recording("here", one, ())], horizon=8.0, starts=[8.0])[0]
+        settings = _from(_settings(None, "turns"), window)
+        simulation = idr.Simulation(
+            window.scenario, agents=window.judged.tolist(), planner="idm", settings=settings, threads=1
+        )
+        starts = [(agent.id, agent.initial_state, agent.goal[0].velocity) for agent in simulation.agents]
+        for _ in range(window.start + 1):
+            simulation.step()
+        plans.append((starts, simulation.record().plans.to_arrow()))
+    assert plans[0][0] == plans[1][0]
+    assert plans[0][1].num_rows > 0
+    assert plans[0][1].equals(plans[1][1])
+
+
+def test_bicycles_and_people_go_on_replaying(recording):
+    scenario = idr.read_scenario(recording)
+    kinds = tuple("bicycle" if number == 3 else "car" for number in scenario.obstacles.ids.tolist())
+    scenario = replace(scenario, obstacles=replace(scenario.obstacles, kinds=kinds))
+    window = windows_of([Recording("here", scenario, ())], horizon=8.0, starts=[1.0])[0]
+    assert 3 not in window.judged
+    assert 3 not in rollouts.planning(window, _from(_settings(None, "turns"), window))
+
+
+def test_windows_of_one_recording_are_joined(recording, tmp_path):
+    from windows import windows
+
+    for one in windows(idr.read_scenario(recording), 51):
+        idr.write_scenario(one, tmp_path / f"{one.name}.xml")
+    recordings, _ = read_recordings([tmp_path], raw=False, any_traffic=False)
+    assert len(recordings) == 1
+    assert recordings[0].scenario.obstacles.n_steps == 101
+
+
+def test_a_place_is_named_by_its_files():
+    assert place_of("C-DEU_MONAEast-2_80_T-159") == "DEU_MONAEast"
+    assert place_of("USA_US101-13_1_T-1") == "USA_US101"
+    assert place_of("own recording") == "own recording"
+
+
+def test_traffic_that_nobody_drove_is_refused():
+    with pytest.raises(InputError, match=r"its traffic was not recorded .*any_traffic takes it"):
+        idr.realism("t_junction", "idm")
+    assert idr.realism("t_junction", "idm", any_traffic=True, long=0.0).rows
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"goals": "all"}, "goals: expected timed, place, route, turns, not 'all'"),
+        ({"rollouts": 0}, "rollouts: expected at least 1"),
+        ({"horizon": 1.0}, "horizon: expected at least 3.2"),
+        ({"long": 5.0}, "long: expected 0, or at least 10"),
+        ({"workers": 0}, "workers: expected at least 1"),
+        ({"starts": [-1.0]}, "starts: expected times of at least 0 s"),
+        ({"planners": ["idm", "idm"]}, "planner idm is given twice"),
+        ({"planners": "recorded"}, "planner recorded: stands beside the others anyway"),
+        ({"starts": [19.0]}, "no vehicle can be judged"),
+    ],
+)
+def test_impossible_wishes_are_refused_in_one_line(recording, options, words):
+    with pytest.raises(InputError, match=words.replace("(", r"\(")) as caught:
+        idr.realism(recording, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_constant_velocity_on_a_real_motorway_is_as_far_off_as_measured(real_recordings):
+    places = idr.realism([Path(path) for path in real_recordings["MONAMerge"]], "idm", long=0.0)
+    rows = _rows(places)
+    assert rows["constant_velocity"].energy[5] == pytest.approx(4.62, abs=0.02)
+    assert rows["idm"].energy[5] < 5.0
+    assert rows["idm"].vehicles == 69
