@@ -15,7 +15,7 @@ def _run(*arguments):
 
 
 def test_the_command_prints_tables_and_writes_a_folder(tmp_path):
-    cars = [Car(1 + i, 40.0 * i, 0.0, 20.0) for i in range(4)]
+    cars = [Car(101 + i, 40.0 * i, 0.0, 20.0) for i in range(4)]
     path = tmp_path / "DEU_Motorway-1_1_T-1.xml"
     idr.write_scenario(world(straight_road(600.0), cars=cars, steps=60, dt=0.2, name=path.stem), path)
     done = _run("realism", path, "--planner", "idm,idm_mobil", "--out", tmp_path / "out", "--long", "0", "--workers", 1)

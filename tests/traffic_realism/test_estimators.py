@@ -75,7 +75,7 @@ def _snippets(shift):
     random = np.random.default_rng(3)
     groups = np.repeat(np.arange(20), 40)
     recorded = random.normal(size=(800, 3))
-    simulated = random.normal(size=(800, 3)) + [shift, 0.0, 0.0]
+    simulated = random.normal(size=(800, 3)) + np.array([shift, 0.0, 0.0])
     features = np.concatenate((recorded, simulated))
     features[::7, 2] = np.nan
     return features, np.arange(1600) >= 800, np.tile(groups, 2)

@@ -187,7 +187,10 @@ def _offsets(x: Floats, y: Floats, heading: Floats, road: _core.RoadNetwork) -> 
     with np.errstate(invalid="ignore"):
         jump = np.diff(offset, axis=1)
         changed = np.abs(jump) > _JUMP
+        # In the step in which the lane changes, a vehicle moves aside as in the step before.
+        before = np.concatenate((np.zeros((len(x), 1)), jump[:, :-1]), axis=1)
+        before = np.where(np.abs(before) < _JUMP, before, 0.0)
         straight = offset.copy()
-        straight[:, 1:] -= np.cumsum(np.where(changed, jump, 0.0), axis=1)
+        straight[:, 1:] -= np.cumsum(np.where(changed, jump - before, 0.0), axis=1)
         counted = changed & (np.abs(offset[:, 1:]) > _JUMP_TO)
     return offset, straight, np.concatenate((np.zeros((len(x), 1), dtype=np.bool_), counted), axis=1)

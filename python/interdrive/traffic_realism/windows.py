@@ -35,6 +35,8 @@ _FIRST, _EVERY, _EVERY_BUSY, _BUSY = 1.0, 8.0, 16.0, 40
 _LONG_STARTS = 4
 #: Words of a file's source or tags that say that nobody drove.
 _NOT_RECORDED = re.compile(r"SUMO|synthes|hand-?crafted|simulat", re.IGNORECASE)
+#: Countries of CommonRoad that are on no map.
+_NOWHERE = re.compile(r"(?<=benchmarkID=\")(?:[CS]-)?(?:ZAM|OSC)(?=[_-])")
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,8 @@ def _not_recorded(path: Path) -> str:
     """Why the traffic of a file was not recorded; empty if it may have been."""
     head = path.read_bytes()[:20_000].decode("utf-8", "replace")
     said = " ".join([*re.findall(r'source="([^"]*)"', head), *re.findall(r"<scenarioTags>(.*?)</scenarioTags>", head)])
-    word = _NOT_RECORDED.search(said)
-    if word is None and "ZAM_" not in path.name[:8] and "OSC_" not in path.name[:8]:
-        return ""
-    return f"its traffic was not recorded ({word[0] if word else path.name.split('_', maxsplit=1)[0]})"
+    word = _NOT_RECORDED.search(said) or _NOWHERE.search(head)
+    return f"its traffic was not recorded ({word[0]})" if word else ""
 
 
 def _wholes(windows: Sequence[Scenario], *, raw: bool) -> list[tuple[Sequence[Scenario], Scenario]]:

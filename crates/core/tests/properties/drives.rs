@@ -291,6 +291,7 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
     }
     let settings = WorldSettings {
         step: StepSettings {
+            entry_wait: 0.0,
             grace_factor: if source.is_odd() { source.any(1.0, 3.0) } else { 1.7 },
             replan_every: 1 + source.below(3),
             history_steps: 1 + source.below(30),

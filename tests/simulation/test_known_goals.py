@@ -1,0 +1,127 @@
+"""Goals without the recorded time, agents that begin to plan in the middle of a recording, or wait to enter."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive import InputError
+from interdrive.scenario.known_goals import Temperament, desired_speed
+from interdrive.testing import Car, straight_road, world
+
+
+def _changing(lanes=2, steps=100):
+    """A car that changes from the right lane to the left one after 3 s, and two others ahead of it."""
+    scenario = world(
+        straight_road(600.0, lanes),
+        cars=[Car(11, 20.0, 0.0, 15.0), Car(12, 80.0, 0.0, 18.0), Car(13, 60.0, 3.5, 22.0)],
+        steps=steps,
+    )
+    y = scenario.obstacles.y.copy()
+    y[0] = np.clip((np.arange(steps + 1) - 30) / 20.0, 0.0, 1.0) * 3.5
+    return replace(scenario, obstacles=replace(scenario.obstacles, y=y))
+
+
+def _simulation(scenario, **settings):
+    named = {name.replace("__", "."): value for name, value in settings.items()}
+    return idr.Simulation(scenario, agents=[11], planner="idm", settings=named, threads=1)
+
+
+def test_what_an_agent_knows_decides_about_its_lane_and_its_time():
+    lanes = {}
+    for information in ("timed", "place", "route", "turns"):
+        agent = _simulation(_changing(), goal__information=information).agents[0]
+        lanes[information] = agent.route.lane_changes
+        knows_time = agent.goal[0].velocity != (0.0, 40.0)
+        assert knows_time == (information == "timed"), information
+    assert lanes == {"timed": 1, "place": 1, "route": 1, "turns": 0}
+
+
+def test_a_run_without_the_time_ends_with_the_recording_and_can_be_repeated(tmp_path):
+    path = tmp_path / "road.xml"
+    idr.write_scenario(_changing(), path)
+    run = idr.simulate(path, agents=[11], planner="idm", settings={"goal.information": "turns"})
+    assert run.outcomes.outcome[0] == "goal_reached"
+    assert run.outcomes.time_step[0] == 100
+    run.save(tmp_path / "run")
+    stored = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert stored["run"]["settings"]["goal.information"] == "turns"
+
+
+def test_an_agent_that_drives_on_is_done_where_the_map_ends():
+    scenario = world(straight_road(200.0), cars=[Car(11, 20.0, 0.0, 15.0)], steps=300, name="short")
+    valid = scenario.obstacles.valid.copy()
+    valid[:, 60:] = False
+    tables = {
+        name: np.where(valid, getattr(scenario.obstacles, name), np.nan)
+        for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
+    }
+    scenario = replace(scenario, obstacles=replace(scenario.obstacles, valid=valid, **tables))
+    run = _simulation(scenario, goal__information="turns").run()
+    assert run.outcomes.outcome[0] == "goal_reached"
+    assert 100 <= run.outcomes.time_step[0] <= 140
+
+
+def test_the_desired_speed_is_that_of_the_traffic_around_or_the_own_one():
+    scenario = _changing()
+    assert desired_speed(scenario, 0, 0, np.inf, Temperament()) == 20.0
+    assert desired_speed(scenario, 0, 0, np.inf, Temperament(free_weight=0.5, desired_factor=1.1)) == pytest.approx(
+        1.1 * 17.5
+    )
+    assert desired_speed(scenario, 2, 0, np.inf, Temperament()) == 22.0
+    assert desired_speed(scenario, 2, 0, 13.9, Temperament()) == 13.9
+    standing = world(straight_road(200.0), cars=[Car(11, 20.0)])
+    assert desired_speed(standing, 0, 0, np.inf, Temperament()) == 5.0
+
+
+def test_an_agent_replays_until_it_plans():
+    scenario = _changing()
+    simulation = _simulation(scenario, agents__plan_from=2.0, goal__information="turns")
+    assert simulation.agents[0].initial_state.time_step == 20
+    run = simulation.run()
+    row = run.states.participant_id.tolist().index(11)
+    assert run.states.x[row, :21].tolist() == scenario.obstacles.x[0, :21].tolist()
+    assert run.plans.time_step.min() == 20
+    assert not np.allclose(run.states.x[row, 40:60], scenario.obstacles.x[0, 40:60], atol=1e-3)
+
+
+def test_a_vehicle_that_has_left_by_then_cannot_be_an_agent():
+    scenario = world(straight_road(300.0), cars=[Car(11, 20.0, 0.0, 15.0, last=30), Car(12, 60.0, 0.0, 15.0)])
+    simulation = idr.Simulation(scenario, planner="idm", settings={"agents.plan_from": 5.0})
+    assert [agent.id for agent in simulation.agents] == [12]
+    with pytest.raises(InputError, match=r"agent 11: has left by agents.plan_from \(5 s\)"):
+        idr.Simulation(scenario, agents=[11], planner="idm", settings={"agents.plan_from": 5.0})
+
+
+def test_the_first_acceleration_is_that_of_the_past_whatever_the_recording_states():
+    scenario = _changing()
+    obstacles = scenario.obstacles
+    acceleration, velocity = obstacles.acceleration.copy(), obstacles.velocity.copy()
+    acceleration[:], velocity[0] = -2.5, 15.0 + 0.1 * np.arange(101)
+    scenario = replace(scenario, obstacles=replace(obstacles, acceleration=acceleration, velocity=velocity))
+    known = _simulation(scenario, agents__plan_from=2.0).agents[0]
+    assert known.initial_state.acceleration == pytest.approx(1.0)
+    assert _simulation(scenario, goal__information="turns").agents[0].initial_state.acceleration == 0.0
+    assert _simulation(scenario).agents[0].initial_state.acceleration == -2.5
+
+
+def test_an_agent_that_finds_no_room_does_not_enter_and_says_so():
+    cars = [Car(11, 20.0, 0.0, 15.0, first=10), Car(12, 26.0, 0.0, 0.0)]
+    scenario = world(straight_road(300.0), cars=cars)
+    run = _simulation(scenario, step__entry_wait=2.0).run()
+    assert run.outcomes.outcome[0] == "time_limit"
+    assert run.outcomes.reason[0] == "found no room to enter within 2 s"
+    assert not any("the run ended" in note for note in run.notes)
+    assert not run.states.valid[run.states.participant_id.tolist().index(11)].any()
+
+
+def test_impossible_settings_are_refused():
+    for settings, words in (
+        ({"goal.information": "all"}, "goal.information"),
+        ({"agents.plan_from": -1.0}, "agents.plan_from: must be at least 0"),
+        ({"step.entry_wait": -1.0}, "entry_wait"),
+    ):
+        with pytest.raises(InputError, match=words):
+            idr.simulate(_changing(), agents=[11], planner="idm", settings=settings)
