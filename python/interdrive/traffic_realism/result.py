@@ -180,7 +180,7 @@ class Realism:
         ]
         return _arrow(SCORE_COLUMNS, rows)
 
-    def json(self) -> dict[str, Any]:
+    def json(self) -> dict[str, Json]:
         """Rows, floors, notes and what was asked for as plain values; numbers that are not known are None."""
         return {
             **self.settings,
