@@ -47,7 +47,7 @@ def test_a_run_without_the_time_ends_with_the_recording_and_can_be_repeated(tmp_
     assert run.outcomes.time_step[0] == 100
     run.save(tmp_path / "run")
     stored = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert stored["run"]["settings"]["goal.information"] == "turns"
+    assert stored["settings"]["settings"]["goal.information"] == "turns"
 
 
 def test_an_agent_that_drives_on_is_done_where_the_map_ends():
