@@ -123,7 +123,9 @@ class Simulation:
         )
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())
-        self._configs, notes = agent_configs(config, views or {}, rules or {}, v2x or {}, self.agents, recorded)
+        self._configs, notes = agent_configs(
+            config, views or {}, rules or {}, v2x or {}, self.agents, recorded, self.seed
+        )
         self._notes += notes
         self._workers: Workers | None = None
         self.reset()

@@ -396,6 +396,8 @@ def _plain(planner: AgentChoice, expected: Resolved, settings: SimulationSetting
         files["neural"] = _hash(SHIPPED)
     if files:
         plain["files"] = files
+    if planner.drivers is not None:
+        plain["drivers"] = planner.drivers.plain()
     libraries = versions(chosen.name, "planner") | versions(expected.name, "predictor")
     if libraries:
         plain["libraries"] = libraries

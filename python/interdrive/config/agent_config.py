@@ -127,7 +127,8 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
         if default.v2x is not None:
             raise InputError("v2x", "applies to a single agent; for all agents set v2x.penetration")
         view, rules = _record("view", settings.view, default.view), _record("rules", settings.rules, default.rules)
-        settings, default = replace(settings, view=view, rules=rules), AgentChoice(default.planner)
+        settings = replace(settings, view=view, rules=rules)
+        default = AgentChoice(default.planner, drivers=default.drivers)
     return RunConfig(settings, default, own)
 
 
@@ -138,6 +139,7 @@ def agent_configs(
     v2x: V2xSpec,
     agents: Sequence[Agent],
     recorded: Container[int],
+    seed: int = 0,
 ) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
@@ -150,6 +152,7 @@ def agent_configs(
         v2x: Whether agents have V2X, by agent id, or of "default".
         agents: The agents.
         recorded: Ids of the participants that have a recording.
+        seed: Of what drivers draw.
 
     Returns:
         Planner and view by agent id, and one line per agent that did not get the planner of all agents.
@@ -173,10 +176,20 @@ def agent_configs(
             kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(DEFAULT, {})))
             has_v2x = equipped.get(agent.id, equipped.get(DEFAULT)) if choice.v2x is None else choice.v2x
             view, kept = _record("view", view, choice.view), _record("rules", kept, choice.rules)
-            found[agent.id] = AgentConfig(choice.planner, view, kept, _truth(has_v2x))
+            planner = choice.planner if choice.drivers is None else _drawn(choice, agent, seed)
+            found[agent.id] = AgentConfig(planner, view, kept, _truth(has_v2x))
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
+
+
+def _drawn(choice: AgentChoice, agent: Agent, seed: int) -> Resolved:
+    """The planner of an agent with the settings that its driver has."""
+    planner, drivers = choice.planner, choice.drivers
+    if drivers is None or planner.native is None:
+        return planner
+    own = drivers.settings(planner.native, seed, agent.id, agent.kind)
+    return replace(planner, source=bind(cast("Any", planner.source), {**planner.values, **own}))
 
 
 def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:

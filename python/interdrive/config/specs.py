@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
+from interdrive.config.drivers import SETTINGS, Drivers, read_drivers
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
@@ -174,12 +175,14 @@ class AgentChoice:
         view: Settings of its view that differ from those of the run, by name.
         rules: Settings of the rules of the road that it obeys, likewise.
         v2x: Whether it has V2X, as given; None: as others have.
+        drivers: The population from which each agent draws settings of its planner; None: all agents have the same.
     """
 
     planner: Resolved
     view: Mapping[str, object] = field(default_factory=dict)
     rules: Mapping[str, object] = field(default_factory=dict)
     v2x: object = None
+    drivers: Drivers | None = None
 
 
 #: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
@@ -228,12 +231,33 @@ def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice
         {name.removeprefix(group): value for name, value in given.items() if name.startswith(group)}
         for group in _BESIDES
     )
-    own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name != "v2x"}
+    beside = ("v2x", "drivers")
+    own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name not in beside}
     if choice.chosen is not None:
-        return AgentChoice(_resolved(Choice(choice.chosen, own), usual, _PLANNER), view, rules, v2x)
+        planner = _resolved(Choice(choice.chosen, own), usual, _PLANNER)
+        return AgentChoice(*_with_drivers(planner, given, view, rules, v2x, None))
     base = default or AgentChoice(_resolved(DEFAULT_PLANNER, usual, _PLANNER))
     planner = _resolved(Choice(base.planner, own), usual, _PLANNER)
-    return AgentChoice(planner, {**base.view, **view}, {**base.rules, **rules}, base.v2x if v2x is None else v2x)
+    view, rules = {**base.view, **view}, {**base.rules, **rules}
+    return AgentChoice(*_with_drivers(planner, given, view, rules, base.v2x if v2x is None else v2x, base.drivers))
+
+
+def _with_drivers(
+    planner: Resolved,
+    given: Mapping[str, object],
+    view: Mapping[str, object],
+    rules: Mapping[str, object],
+    v2x: object,
+    usual: Drivers | None,
+) -> tuple[Resolved, Mapping[str, object], Mapping[str, object], object, Drivers | None]:
+    """The parts of a choice, whose label names its drivers."""
+    named = given.get("drivers")
+    if named is None:
+        return planner, view, rules, v2x, usual
+    drivers = named if isinstance(named, Drivers) else read_drivers(str(named))
+    if planner.native not in SETTINGS:
+        raise InputError(f"planner {planner.name}", f"drivers={drivers.name}: it has none; {', '.join(SETTINGS)} have")
+    return replace(planner, label=f"{planner.label},drivers={drivers.name}"), view, rules, v2x, drivers
 
 
 def read_predictor(spec: PredictorSpec, usual: PredictorSettings) -> Resolved:

@@ -223,9 +223,9 @@ def _choices(planners: object, settings: SimulationSettings) -> tuple[tuple[str,
     return tuple(found)
 
 
-def _draws(_planner: PlannerSpec, _settings: SimulationSettings) -> bool:
+def _draws(planner: PlannerSpec, settings: SimulationSettings) -> bool:
     """Whether its rollouts differ by their seed."""
-    return False
+    return read_planner(planner, settings.planner).drivers is not None
 
 
 def _done(

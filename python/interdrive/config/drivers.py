@@ -1,0 +1,262 @@
+"""Populations of drivers: distributions of settings from which each agent draws its own."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from interdrive.array_types import Floats
+
+#: How a value follows from a normal number: exp, the logistic function between the bounds, or not at all.
+Transform: TypeAlias = Literal["log", "logit", "identity"]
+
+#: What drivers may differ in, with the bounds of what is drawn.
+PARAMETERS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "time_gap": (0.6, 3.0),
+        "minimum_gap": (0.5, 6.0),
+        "acceleration": (0.5, 3.0),
+        "deceleration": (0.8, 4.0),
+        "politeness": (0.0, 1.0),
+        "changing_threshold": (0.0, 0.5),
+    }
+)
+_CAR_FOLLOWING = {name: name for name in ("time_gap", "minimum_gap", "acceleration", "deceleration")}
+#: The settings of planners that these parameters are; other parameters mean nothing to them.
+SETTINGS: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "idm": _CAR_FOLLOWING,
+        "idm_mobil": {**_CAR_FOLLOWING, "politeness": "politeness", "changing_threshold": "changing_threshold"},
+        "velocity_adjusting": _CAR_FOLLOWING,
+        "rollout": {
+            "time_gap": "comfort.time_gap",
+            "minimum_gap": "comfort.standstill_gap",
+            "acceleration": "comfort.acceleration",
+            "deceleration": "comfort.deceleration",
+        },
+        "frenet": {
+            "time_gap": "comfort.time_gap",
+            "minimum_gap": "comfort.standstill_gap",
+            "deceleration": "comfort.deceleration",
+        },
+    }
+)
+#: Version of the files.
+_FORMAT = 1
+#: Seeds are whole numbers below this.
+_SEEDS = 2**64
+_SUFFIX = ".toml"
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """How a parameter varies among drivers.
+
+    Attributes:
+        median: Of its values.
+        sd: Standard deviation of the transformed values.
+        transform: log, logit or identity.
+        low: Smallest value that is drawn.
+        high: Largest value.
+    """
+
+    median: float
+    sd: float
+    transform: Transform
+    low: float
+    high: float
+
+    def at(self, z: float) -> float:
+        """The value for a standard normal number."""
+        if self.transform == "log":
+            value = self.median * math.exp(self.sd * z)
+        elif self.transform == "logit":
+            share = (self.median - self.low) / (self.high - self.low)
+            logit = math.log(share / (1.0 - share)) + self.sd * z
+            value = self.low + (self.high - self.low) / (1.0 + math.exp(-logit))
+        else:
+            value = self.median + self.sd * z
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Drivers:
+    """A population of drivers.
+
+    Attributes:
+        name: As it was given.
+        parameters: Distributions by parameter, in the order of `PARAMETERS`.
+        correlation: Correlations of the normal numbers behind two parameters.
+        kinds: Distributions that differ for a kind of vehicle, such as "truck".
+    """
+
+    name: str
+    parameters: Mapping[str, Distribution]
+    correlation: tuple[tuple[str, str, float], ...] = ()
+    kinds: Mapping[str, Mapping[str, Distribution]] = field(default_factory=dict)
+
+    def drawn(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
+        """The parameters of an agent; they depend on nothing but these arguments.
+
+        Args:
+            seed: Of the run.
+            agent: Its id.
+            kind: Of its vehicle.
+        """
+        random = np.random.default_rng(np.random.SeedSequence([seed % _SEEDS, agent % _SEEDS]))
+        # One number per possible parameter, so that a population with fewer of them draws the same.
+        z = self._cholesky() @ random.standard_normal(len(PARAMETERS))
+        own = {**self.parameters, **self.kinds.get(kind, {})}
+        return {name: own[name].at(float(z[i])) for i, name in enumerate(PARAMETERS) if name in own}
+
+    def settings(self, planner: str, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
+        """The same as settings of a planner, by dotted name.
+
+        Raises:
+            InputError: The planner has no drivers.
+        """
+        names = SETTINGS.get(planner)
+        if names is None:
+            raise InputError("drivers", f"planner {planner} has none; {', '.join(SETTINGS)} have")
+        return {names[name]: value for name, value in self.drawn(seed, agent, kind).items() if name in names}
+
+    def plain(self) -> dict[str, Any]:
+        """All that decides what is drawn, as plain values."""
+        return {
+            "parameters": {name: vars(one) for name, one in self.parameters.items()},
+            "correlation": [list(one) for one in self.correlation],
+            "kinds": {kind: {name: vars(one) for name, one in own.items()} for kind, own in self.kinds.items()},
+        }
+
+    def _cholesky(self) -> Floats:
+        names = list(PARAMETERS)
+        matrix = np.eye(len(names))
+        for one, other, value in self.correlation:
+            i, j = names.index(one), names.index(other)
+            matrix[i, j] = matrix[j, i] = value
+        try:
+            return np.asarray(np.linalg.cholesky(matrix))
+        except np.linalg.LinAlgError:
+            raise InputError(f"drivers {self.name}", "correlation: the matrix is not positive definite") from None
+
+
+def _population(name: str, medians: Mapping[str, float], sd: float) -> Drivers:
+    logs = {key: Distribution(value, sd, "log", *PARAMETERS[key]) for key, value in medians.items() if value > 0.0}
+    return Drivers(name, {key: logs[key] for key in PARAMETERS if key in logs})
+
+
+#: Populations by name. `house`: around the defaults of `idm`; `calm`: more room, softer; `brisk`: less room, harder.
+POPULATIONS: Mapping[str, Drivers] = MappingProxyType(
+    {
+        "house": _population(
+            "house", {"time_gap": 1.0, "minimum_gap": 2.0, "acceleration": 1.0, "deceleration": 1.5}, 0.25
+        ),
+        "calm": _population(
+            "calm", {"time_gap": 1.6, "minimum_gap": 2.6, "acceleration": 0.8, "deceleration": 1.2}, 0.15
+        ),
+        "brisk": _population(
+            "brisk", {"time_gap": 0.8, "minimum_gap": 1.6, "acceleration": 1.6, "deceleration": 2.2}, 0.15
+        ),
+    }
+)
+
+
+def read_drivers(spec: str | Drivers) -> Drivers:
+    """A population by its name, or from a file that ends in .toml.
+
+    Raises:
+        InputError: There is no such population or file, or the file cannot be used; one line says why.
+    """
+    if isinstance(spec, Drivers):
+        return spec
+    if spec in POPULATIONS:
+        return POPULATIONS[spec]
+    if not spec.endswith(_SUFFIX):
+        near = difflib.get_close_matches(spec, POPULATIONS, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(POPULATIONS)}, or a file FILE.toml"
+        raise InputError("drivers", f"there is no population {spec!r}; {hint}")
+    try:
+        table = tomllib.loads(Path(spec).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"drivers {spec}", f"cannot be read: {error}") from None
+    try:
+        return _from_table(spec, table)
+    except InputError as error:
+        raise error.within(f"drivers {spec}") from None
+
+
+def _from_table(name: str, table: Mapping[str, Any]) -> Drivers:
+    if table.get("format") != _FORMAT:
+        raise InputError("format", f"must be {_FORMAT}, is {table.get('format')!r}")
+    kinds = {
+        key: _distributions(value)
+        for key, value in table.items()
+        if isinstance(value, Mapping) and key not in ("parameters", "provenance")
+    }
+    unknown = [
+        key for key in table if key not in ("format", "parameters", "provenance", "correlation") and key not in kinds
+    ]
+    if unknown:
+        raise InputError(unknown[0], "is not known here; there are format, parameters, correlation, provenance")
+    given = _distributions(table.get("parameters", {}))
+    correlation = tuple(_correlated(one) for one in table.get("correlation", ()))
+    found = Drivers(name, given, correlation, kinds)
+    found.drawn(0, 0)
+    return found
+
+
+def _distributions(given: object) -> dict[str, Distribution]:
+    if not isinstance(given, Mapping):
+        raise InputError("parameters", "must be a table of parameters")
+    for key in given:
+        _check_known(key)
+    return {key: _distribution(key, given[key]) for key in PARAMETERS if key in given}
+
+
+def _check_known(name: str) -> None:
+    if name not in PARAMETERS:
+        near = difflib.get_close_matches(name, PARAMETERS, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(PARAMETERS)}"
+        raise InputError(name, f"is no parameter of drivers; {hint}")
+
+
+def _distribution(name: str, given: object) -> Distribution:
+    if not isinstance(given, Mapping) or "median" not in given:
+        raise InputError(name, "must be a table with at least a median")
+    transform, bounds = given.get("transform", "log"), given.get("bounds", PARAMETERS[name])
+    values = [given["median"], given.get("sd", 0.0), *(bounds if isinstance(bounds, list | tuple) else [bounds])]
+    if transform not in get_args(Transform):
+        raise InputError(name, f"transform must be {', '.join(get_args(Transform))}, not {transform!r}")
+    if len(values) != 4 or any(isinstance(v, bool) or not isinstance(v, int | float) for v in values):
+        raise InputError(name, "median, sd and both bounds must be numbers")
+    median, sd, low, high = (float(value) for value in values)
+    least, most = PARAMETERS[name]
+    if not least <= low < high <= most:
+        raise InputError(name, f"bounds must ascend within {least:g} and {most:g}, are {low:g} and {high:g}")
+    if not low <= median <= high or (transform == "logit" and not low < median < high):
+        raise InputError(name, f"the median {median:g} must be between the bounds {low:g} and {high:g}")
+    if not 0.0 <= sd <= 10.0:
+        raise InputError(name, f"sd must be at least 0 and at most 10, is {sd:g}")
+    return Distribution(median, sd, transform, low, high)
+
+
+def _correlated(given: object) -> tuple[str, str, float]:
+    if not isinstance(given, list) or len(given) != 3 or not isinstance(given[2], int | float):
+        raise InputError("correlation", f"write it as [parameter, parameter, number], not {given!r}")
+    one, other, value = str(given[0]), str(given[1]), float(given[2])
+    _check_known(one)
+    _check_known(other)
+    if one == other or not -1.0 < value < 1.0:
+        raise InputError("correlation", f"two parameters and a number between -1 and 1 are needed, not {given!r}")
+    return one, other, value

@@ -1,0 +1,161 @@
+"""Populations of drivers: what agents draw, files, and what planners make of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive import InputError
+from interdrive.config.drivers import PARAMETERS, POPULATIONS, Distribution, Drivers, read_drivers
+from interdrive.testing import Car, straight_road, world
+
+FILE = """
+format = 1
+correlation = [["time_gap", "acceleration", -0.5]]
+[parameters.time_gap]
+transform = "log"
+bounds = [0.6, 3.0]
+median = 1.2
+sd = 0.3
+[parameters.acceleration]
+transform = "logit"
+bounds = [0.5, 3.0]
+median = 1.0
+sd = 0.4
+[truck.acceleration]
+median = 0.6
+bounds = [0.5, 1.0]
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(FILE)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def road():
+    return world(straight_road(400.0), cars=[Car(11 + i, 30.0 * i, 0.0, 10.0) for i in range(4)])
+
+
+def test_a_draw_depends_on_seed_and_id_alone():
+    one = Drivers("one", {"time_gap": Distribution(1.2, 0.3, "log", 0.6, 3.0)})
+    assert one.drawn(0, 10450)["time_gap"] == pytest.approx(1.109421, abs=1e-6)
+    more = Drivers("more", {"acceleration": Distribution(1.0, 0.3, "identity", 0.5, 3.0), **one.parameters})
+    assert more.drawn(0, 10450)["time_gap"] == one.drawn(0, 10450)["time_gap"]
+    assert one.drawn(1, 10450) != one.drawn(0, 10450) != one.drawn(0, 10451)
+
+
+@pytest.mark.parametrize("name", POPULATIONS)
+def test_what_is_drawn_lies_around_the_medians_and_within_bounds(name):
+    population = POPULATIONS[name]
+    drawn = [population.drawn(7, agent) for agent in range(400)]
+    for key, one in population.parameters.items():
+        values = np.array([own[key] for own in drawn])
+        assert np.median(values) == pytest.approx(one.median, rel=0.1)
+        assert PARAMETERS[key][0] <= values.min() <= values.max() <= PARAMETERS[key][1]
+
+
+def test_calm_drivers_keep_more_room_than_brisk_ones():
+    gaps = [POPULATIONS[name].parameters["time_gap"].median for name in ("calm", "house", "brisk")]
+    assert gaps == sorted(gaps, reverse=True)
+
+
+def test_a_file_has_transforms_correlations_and_kinds(file):
+    found = read_drivers(file)
+    drawn = [found.drawn(0, agent) for agent in range(500)]
+    gap, acceleration = (np.array([own[key] for own in drawn]) for key in ("time_gap", "acceleration"))
+    assert np.corrcoef(np.log(gap), acceleration)[0, 1] < -0.3
+    assert found.drawn(0, 3, "truck")["acceleration"] == pytest.approx(0.6)
+    assert found.drawn(0, 3, "truck")["time_gap"] == found.drawn(0, 3)["time_gap"]
+
+
+def test_agents_have_their_own_settings_which_the_run_stores_plain(road, file, tmp_path):
+    run = idr.simulate(road, planner=f"idm,minimum_gap=3,drivers={file}", seed=5)
+    planners = run.settings["planner"]
+    own = read_drivers(file).drawn(5, 12)
+    assert planners["12"]["time_gap"] == own["time_gap"]
+    assert planners["12"]["minimum_gap"] == 3.0
+    assert len({planner["time_gap"] for planner in planners.values()}) == 4
+    run.save(tmp_path / "run")
+    assert "mine.toml" not in json.dumps(json.loads((tmp_path / "run" / "run.json").read_text())["settings"])
+    again = idr.simulate(road, planner=planners)
+    assert again.digest == run.digest
+
+
+def test_a_population_without_spread_is_the_planner_with_these_settings(road, tmp_path):
+    path = tmp_path / "alike.toml"
+    path.write_text("format = 1\n[parameters.time_gap]\nmedian = 1.4\n")
+    drawn = idr.simulate(road, planner=f"idm,drivers={path}")
+    assert drawn.digest == idr.simulate(road, planner="idm,time_gap=1.4").digest
+
+
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil", "velocity_adjusting", "rollout", "frenet"])
+def test_native_planners_that_follow_have_drivers(road, planner):
+    run = idr.simulate(road, planner=f"{planner},drivers=calm", settings={"step.max_steps": 3})
+    assert len({json.dumps(one) for one in run.settings["planner"].values()}) == 4
+
+
+def test_seeds_draw_other_drivers_and_agents_left_out_change_nothing(road):
+    planners = [idr.simulate(road, planner="idm,drivers=house", seed=seed).settings["planner"] for seed in (0, 1)]
+    assert planners[0]["12"] != planners[1]["12"]
+    alone = idr.simulate(road, agents=[12], planner="idm,drivers=house", seed=0)
+    assert alone.settings["planner"] == planners[0]["12"]
+
+
+def test_a_batch_runs_with_drivers(road, tmp_path):
+    path = tmp_path / "road.xml"
+    idr.write_scenario(road, path)
+    idr.batch([path], tmp_path / "batch", planner=["idm", "idm,drivers=house"], workers=1)
+    rows = idr.read_batch(tmp_path / "batch").to_pylist()
+    digests = {row["planner"]: row["digest"] for row in rows}
+    assert set(digests) == {"idm", "idm,drivers=house"}
+    assert len(set(digests.values())) == 2
+    assert all(row["status"] == "finished" for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("planner", "words"),
+    [
+        ("recorded,drivers=house", "planner recorded: drivers=house: it has none; idm, idm_mobil"),
+        ("idm,drivers=hose", "there is no population 'hose'; did you mean house?"),
+        ("idm,drivers=none.toml", "drivers none.toml: cannot be read"),
+    ],
+)
+def test_planners_and_names_that_do_not_fit_are_refused(road, planner, words):
+    with pytest.raises(InputError, match=words) as caught:
+        idr.simulate(road, planner=planner)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("format = 1", "format = 2"), "format: must be 1, is 2"),
+        (("[0.6, 3.0]", "[3.0, 0.6]"), "time_gap: bounds must ascend within 0.6 and 3, are 3 and 0.6"),
+        (("median = 1.2", "median = 4.0"), "time_gap: the median 4 must be between"),
+        (("parameters.time_gap", "parameters.time_gab"), "time_gab: is no parameter of drivers; did you mean time_gap"),
+        (("-0.5", "1.5"), "correlation: two parameters and a number between -1 and 1"),
+        (('"log"', '"cube"'), "time_gap: transform must be log, logit, identity"),
+        (("sd = 0.3", "sd = -0.3"), "time_gap: sd must be at least 0"),
+        (("format = 1", "format = 1\nmean = 2"), "mean: is not known here"),
+    ],
+)
+def test_files_that_cannot_be_used_are_refused_in_one_line(tmp_path, change, words):
+    path = tmp_path / "wrong.toml"
+    path.write_text(FILE.replace(*change))
+    with pytest.raises(InputError, match=words) as caught:
+        read_drivers(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_correlations_that_contradict_each_other_are_refused(tmp_path):
+    path = tmp_path / "wrong.toml"
+    pairs = [["time_gap", "acceleration", 0.9], ["acceleration", "deceleration", 0.9]]
+    pairs.append(["time_gap", "deceleration", -0.9])
+    path.write_text(FILE.replace('[["time_gap", "acceleration", -0.5]]', json.dumps(pairs)))
+    with pytest.raises(InputError, match="correlation: the matrix is not positive definite"):
+        read_drivers(str(path))
