@@ -13,12 +13,14 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from interdrive.files import commonroad_objects, run_document
+from interdrive.errors import InputError
+from interdrive.files import commonroad_objects, run_document, run_tracks, write_osi
 from interdrive.results import read_part, read_run, save
 from interdrive.results.tables import TABLES
 from interdrive.run import RunRecord
 from interdrive.run.arrays import Tabular
 from interdrive.run.assemble import recorded_traffic
+from interdrive.storage import replacing, resolved
 from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
@@ -177,6 +179,30 @@ class Run(RunRecord):
     def to_commonroad(self) -> CommonRoadObjects:
         """The simulated world as `(scenario, planning_problem_set)` of commonroad-io; see `run_document`."""
         return commonroad_objects(run_document(self))
+
+    def export(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Writes the traffic for other tools and returns the path; `read_source` reads it back.
+
+        Args:
+            path: File that ends in .csv (tracks, one row for each participant and time), or in .mcap or .osi (ground
+                truth of the Open Simulation Interface, for which the extra `osi` is needed).
+            overwrite: Replace a file that is there.
+
+        Raises:
+            InputError: Another ending, a file that is there, or the extra is not installed.
+            ResultsError: It cannot be written.
+        """
+        target = resolved(path)
+        if target.suffix.lower() not in (".csv", ".mcap", ".osi"):
+            raise InputError(f"{path}: name a file that ends in .csv, .mcap or .osi")
+        if target.exists() and not overwrite:
+            raise InputError(f"{path}: exists; choose another name or overwrite=True")
+        with replacing(target) as partial:
+            if target.suffix.lower() == ".csv":
+                partial.write_bytes(run_tracks(self))
+            else:
+                write_osi(self, partial)
+        return Path(path)
 
 
 class RunInterrupted(KeyboardInterrupt):

@@ -25,6 +25,7 @@ from interdrive.cli.compare import compare
 from interdrive.cli.convert import convert
 from interdrive.cli.criticality import criticality
 from interdrive.cli.explain import explain
+from interdrive.cli.export import export
 from interdrive.cli.join import join
 from interdrive.cli.models import models
 from interdrive.cli.page import report
@@ -128,6 +129,7 @@ _GROUPS = {
         (score, "Score agents from 0 to 100, with reasons."),
         (preventability, "Say what reference drivers would have avoided."),
         (solution, "Export a run as a CommonRoad solution."),
+        (export, "Write the traffic of a run for other tools: OSI, CSV."),
     ),
     "Compare": (
         (batch, "Run many scenarios with several planners."),

@@ -1,6 +1,7 @@
 """Reads and writes CommonRoad files. The only package that imports commonroad-io, besides the planner `reactive`."""
 
 from interdrive.files.content import content_of_file, content_of_input
+from interdrive.files.osi_export import write_osi
 from interdrive.files.read import (
     ScenarioSpec,
     is_source,
@@ -14,6 +15,7 @@ from interdrive.files.read import (
 from interdrive.files.scenario_file import road_losses, write_scenario
 from interdrive.files.shipped import FOLDER_VARIABLE, scenario_file, shipped_scenario, shipped_scenarios
 from interdrive.files.sources import content_sha256
+from interdrive.files.tracks_export import run_tracks
 from interdrive.files.write import CommonRoadObjects, commonroad_objects, run_document, scenario_document
 
 __all__ = [
@@ -31,11 +33,13 @@ __all__ = [
     "read_source",
     "road_losses",
     "run_document",
+    "run_tracks",
     "scenario_document",
     "scenario_file",
     "scenario_from_commonroad",
     "scenario_parts",
     "shipped_scenario",
     "shipped_scenarios",
+    "write_osi",
     "write_scenario",
 ]

@@ -34,7 +34,7 @@ _MOST_POINTS = 1_000_000
 #: Lines whose ends are this near [m] and whose headings differ by at most this [rad] are linked.
 _JOINED, _JOINED_TURN = 1.0, math.radians(45.0)
 #: Several lines begin at a joint if none of them is farther from it than the nearest one plus this [m].
-_SAME_JOINT = 0.1
+_SAME_JOINT = 0.01
 #: Lines are parallel if their headings differ by at most this [rad], and beside each other within these distances [m].
 _PARALLEL, _BESIDE = math.radians(20.0), (2.0, 5.5)
 #: A point is beside another one if it is at most this far ahead or behind [m].
@@ -102,9 +102,15 @@ def lanes_of(lines: Sequence[CentreLine], edges: Sequence[Floats], file: str, no
     table = _Table(places)
     halves = _half_widths(table, edges)
     pieces, links = _pieces(table, halves, _cuts(table))
+    joints = _joints(len(pieces), links)
+    collapsed = {piece.line for place, piece in enumerate(pieces) if _collapses(place, piece, joints)}
+    if collapsed:
+        notes.leave_out("lanes", "that lie within one joint", len(collapsed))
+        return lanes_of([line for place, line in enumerate(lines) if place not in collapsed], edges, file, notes)
     for piece in pieces:
         piece.half = _smoothed(piece.half)
-    _join(pieces, links)
+    for ends in joints:
+        _meet([(pieces[end // 2], -(end % 2)) for end in ends])
     counts: dict[int, int] = defaultdict(int)
     roads = Roads([], links=links)
     for piece in pieces:
@@ -304,9 +310,9 @@ def _joined(ends: Floats, end_headings: Floats, starts: Floats, start_headings: 
     ]
 
 
-def _join(pieces: Sequence[_Piece], links: Sequence[tuple[int, int]]) -> None:
-    """Where pieces meet they take one place, direction and the smallest half widths."""
-    group = list(range(2 * len(pieces)))  # 2 i: start of piece i, 2 i + 1: its end
+def _joints(n_pieces: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
+    """Ends that meet, of two or more pieces: 2 i is the start of piece i, 2 i + 1 its end."""
+    group = list(range(2 * n_pieces))
 
     def found(end: int) -> int:
         while group[end] != end:
@@ -316,12 +322,17 @@ def _join(pieces: Sequence[_Piece], links: Sequence[tuple[int, int]]) -> None:
 
     for one, other in links:
         group[found(2 * one + 1)] = found(2 * other)
-    groups = defaultdict(list)
+    members = defaultdict(list)
     for end in range(len(group)):
-        groups[found(end)].append(end)
-    for members in groups.values():
-        if len(members) > 1:
-            _meet([(pieces[end // 2], -(end % 2)) for end in members])
+        members[found(end)].append(end)
+    return [ends for ends in members.values() if len(ends) > 1]
+
+
+def _collapses(place: int, piece: _Piece, joints: Sequence[list[int]]) -> bool:
+    """Whether both ends of a short piece meet, so that nothing of it would be left."""
+    if piece.along[-1] >= 2.0 * _JOINED:
+        return False
+    return any(2 * place in ends and 2 * place + 1 in ends for ends in joints)
 
 
 def _meet(ends: Sequence[tuple[_Piece, int]]) -> None:

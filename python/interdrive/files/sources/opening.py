@@ -15,6 +15,7 @@ from interdrive.files.content import content_of_input
 
 if TYPE_CHECKING:
     import os
+    from typing import Self
 
 #: Largest content of a file, once unpacked.
 _LARGEST = 512 * 2**20
@@ -46,6 +47,15 @@ class SourceFile:
         self.data = b"" if self.is_folder else self._content(self.path)
         self._has_document_type = False
         self.root = self._root()
+
+    @classmethod
+    def within(cls, path: Path, data: bytes) -> Self:
+        """A document that is a part of a file, which messages name."""
+        part = cls.__new__(cls)
+        part.path, part.is_folder, part.is_packed = path, False, False
+        part.data, part._hashes, part._has_document_type = data, {}, False
+        part.root = part._root()
+        return part
 
     @property
     def files(self) -> tuple[tuple[str, str], ...]:

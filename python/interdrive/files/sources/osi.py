@@ -15,6 +15,8 @@ from interdrive.files.osi_messages import betterosi, mcap_reader
 from interdrive.files.sources.centre_lines import CentreLine, lanes_of
 from interdrive.files.sources.model import Lane, Roads, Source, Tracks
 from interdrive.files.sources.notes import Notes
+from interdrive.files.sources.opendrive.reader import read as read_opendrive
+from interdrive.files.sources.opening import SourceFile
 from interdrive.files.sources.pairing import paired
 from interdrive.files.sources.polylines import distinct
 from interdrive.scenario.limits import LARGEST_DT, SMALLEST_DT
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from interdrive.array_types import Floats
-    from interdrive.files.sources.opening import SourceFile
     from interdrive.scenario import SourceOptions
 
 #: An object of betterosi, which has no types.
@@ -243,7 +244,16 @@ def _clock(times: Sequence[float]) -> tuple[float, Floats]:
 
 
 def _roads(trace: _Trace, file: SourceFile, options: SourceOptions, notes: Notes) -> Roads | None:
-    """Lanes of the trace; None where it has none."""
+    """Lanes of the trace; None where it has none. A map in OpenDRIVE comes first."""
+    if trace.opendrive:
+        text = trace.opendrive
+        part = SourceFile.within(file.path, text.encode() if isinstance(text, str) else bytes(text))
+        if part.root != "OpenDRIVE":
+            raise InputError(f"{file.path}: its osi3.{_OPENDRIVE} is no OpenDRIVE document; choose a map with --map")
+        found = read_opendrive(part, options)
+        for line in found.notes.lines():
+            notes.say(line)
+        return found.roads
     driven = {
         number: one.classification
         for number, one in trace.lanes.items()
@@ -263,7 +273,8 @@ def _roads(trace: _Trace, file: SourceFile, options: SourceOptions, notes: Notes
             notes.leave_out("lanes", "without two boundaries", len(driven) - len(lanes))
         position = {number: index for index, number in enumerate(lanes)}
         return Roads(list(lanes.values()), _links(driven, position))
-    lines = [CentreLine(str(number), line) for number, one in driven.items() if len(line := _centre(one)) > 1]
+    centres = {number: _centre(one) for number, one in driven.items()}
+    lines = [CentreLine(str(number), centre) for number, centre in centres.items() if len(centre) > 1]
     if len(lines) < len(driven):
         notes.leave_out("lanes", "without a centre line", len(driven) - len(lines))
     notes.say("lanes have centre lines only; their borders are derived from what lies beside them")
