@@ -49,7 +49,7 @@ class ForeignTable:
         """Refuses the table unless it has these columns."""
         for name in names:
             if self.names.count(name) != 1:
-                found = ", ".join(self.names[:12]) + (" ..." if len(self.names) > 12 else "")
+                found = ", ".join(known[:20] for known in self.names[:12]) + (" ..." if len(self.names) > 12 else "")
                 problem = "has no column" if name not in self.names else "has more than one column"
                 raise InputError(f"{self.file}: {problem} {name} (found: {found})")
 
@@ -100,7 +100,7 @@ def foreign_table(data: bytes, file: str, columns: Sequence[str] = ()) -> Foreig
     Args:
         data: Its bytes; Parquet is recognised by its mark.
         file: Its name in messages.
-        columns: Columns that are read where the file has them; none: all.
+        columns: Columns of Parquet that are read where the file has them; none: all.
 
     Raises:
         InputError: It is neither, broken, or too large; one line that names it.
@@ -121,13 +121,16 @@ def foreign_table(data: bytes, file: str, columns: Sequence[str] = ()) -> Foreig
         else:
             table = pyarrow.csv.read_csv(io.BytesIO(data))
             _require_rows(table.num_rows, file)
-            if columns:
-                table = table.select([index for index, name in enumerate(table.column_names) if name in columns])
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError, KeyError) as error:
         kind = "Parquet" if is_parquet else "CSV"
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{file}: is no whole {kind} table ({reason}); give a whole file") from error
-    return ForeignTable(file, table)
+    found = ForeignTable(file, table)
+    try:
+        _ = found.names
+    except UnicodeDecodeError:
+        raise InputError(f"{file}: a name of a column is no UTF-8 text; save the table as UTF-8") from None
+    return found
 
 
 def header_of(data: bytes) -> tuple[str, ...]:

@@ -94,7 +94,7 @@ def _tracks(table: ForeignTable, meta: ForeignTable, rate: float, notes: Notes, 
     row_of = {known[index]: row for row, index in enumerate(of_row.tolist())}
     for name in names:
         if name not in row_of:
-            raise InputError(f"{meta.file}: has no row for track {name}")
+            raise InputError(f"{meta.file}: has no row for track {name[:20]}")
     rows = np.array([row_of[name] for name in names], dtype=np.int64)
     words, classes = meta.words("class")
     kinds = kinds_of([words[classes[row]] for row in rows.tolist()], WORDS, notes)

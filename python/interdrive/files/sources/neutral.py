@@ -101,7 +101,7 @@ def roads_of(lanes: ForeignTable, links: ForeignTable | None) -> Roads:
     sides, side = lanes.words("side")
     wrong = [one for one in sides if one not in ("left", "right")]
     if wrong:
-        raise InputError(f"{lanes.file}: the side {wrong[0]!r} is neither left nor right; correct it")
+        raise InputError(f"{lanes.file}: the side {wrong[0][:20]!r} is neither left nor right; correct it")
     is_left = np.array([one == "left" for one in sides], dtype=np.bool_)[side]
     point, x, y = (lanes.numbers(name) for name in ("point", "x", "y"))
     if not (np.isfinite(point) & np.isfinite(x) & np.isfinite(y)).all():
@@ -115,7 +115,7 @@ def roads_of(lanes: ForeignTable, links: ForeignTable | None) -> Roads:
         right, left = (places[ends[k] - counts[k] : ends[k]] for k in (2 * index, 2 * index + 1))
         if len(left) != len(right) or len(left) < 2:
             raise InputError(
-                f"{lanes.file}: lane {name} has {len(left)} left and {len(right)} right points;"
+                f"{lanes.file}: lane {name[:20]} has {len(left)} left and {len(right)} right points;"
                 " give both sides equally many, at least 2"
             )
         found.append(Lane(name, left, right))
@@ -133,7 +133,7 @@ def _add_links(roads: Roads, links: ForeignTable) -> None:
         one, relation, other = (words[rows[row]] for words, rows in columns)
         for name in (one, other):
             if name not in position:
-                raise InputError(f"{links.file}: has the lane {name}, which is not among the lanes; correct it")
+                raise InputError(f"{links.file}: has the lane {name[:20]}, which is not among the lanes; correct it")
         here, there = position[one], position[other]
         same = not relation.endswith("_opposite")
         if relation == "successor":
@@ -144,4 +144,4 @@ def _add_links(roads: Roads, links: ForeignTable) -> None:
             roads.lanes[here].right_neighbour = (there, same)
         else:
             known = "successor, left, right, left_opposite, right_opposite"
-            raise InputError(f"{links.file}: the relation {relation!r} is none of {known}; correct it")
+            raise InputError(f"{links.file}: the relation {relation[:20]!r} is none of {known}; correct it")

@@ -57,6 +57,8 @@ def scenario_of(
     lanelets, dt = scenario.lanelets, options.dt or _USUAL_DT
     obstacles = _no_obstacles()
     if source.tracks is not None:
+        # What is measured along the roads takes time and memory by their length.
+        require_scenario(scenario, str(file.path))
         dt = options.dt or source.tracks.dt
         obstacles = recorded(source.tracks, options, lanelets.ids.tolist(), str(file.path), source.notes)
         map_name = str(options.map or "its map") if source.roads is None else "its map"

@@ -193,7 +193,7 @@ def _sorted(tracks: Tracks, file: str) -> Tracks:
     twice = (np.diff(found.track) == 0) & (np.diff(found.time) < SAME_TIME)
     if twice.any():
         row = int(np.argmax(twice))
-        raise InputError(f"{file}: track {found.names[int(found.track[row])]} has time {found.time[row]:g} twice")
+        raise InputError(f"{file}: track {found.names[int(found.track[row])][:20]} has time {found.time[row]:g} twice")
     return found
 
 
@@ -219,7 +219,7 @@ def _sampled(tracks: Tracks, rows: slice, clock: _Clock, file: str) -> Track:
     begin, end = ((float(at) - clock.first) / clock.dt for at in (time[0], min(time[-1], clock.last)))
     margin, most = SAME_TIME / clock.dt, limits.LARGEST_TIME_STEP
     if end > most + 1:
-        name = tracks.names[int(tracks.track[rows.start])]
+        name = tracks.names[int(tracks.track[rows.start])][:20]
         raise InputError(
             f"{file}: track {name} ends {end * clock.dt:g} s after the first one, more than {most} steps"
             f" of {clock.dt:g} s; choose a part with --start and --duration, or another --dt"
