@@ -27,6 +27,8 @@ _HOME = {
     "read_batch": "batches",
     "Benchmark": "benchmarks",
     "benchmark": "benchmarks",
+    "failures": "failure_search",
+    "search": "failure_search",
     "InputError": "errors",
     "InterdriveError": "errors",
     "NoRouteError": "errors",

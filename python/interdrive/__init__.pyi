@@ -20,6 +20,7 @@ from interdrive.errors import (
     PredictorError as PredictorError,
     ResultsError as ResultsError,
 )
+from interdrive.failure_search import failures as failures, search as search
 from interdrive.files import (
     ScenarioSpec as ScenarioSpec,
     join as join,

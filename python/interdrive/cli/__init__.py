@@ -37,6 +37,7 @@ from interdrive.cli.preventability import preventability
 from interdrive.cli.realism import realism
 from interdrive.cli.run import run
 from interdrive.cli.score import score
+from interdrive.cli.search import search
 from interdrive.cli.settings import settings
 from interdrive.cli.solution import solution
 from interdrive.cli.sql import sql
@@ -137,6 +138,7 @@ _GROUPS = {
         (sql, "Query the results of a batch with SQL."),
         (benchmark, "Score a planner on a fixed set of scenarios."),
         (panel, "Store what reference drivers reach on a set."),
+        (search, "Search failures of a planner that are its fault."),
         (adversaries, "Check that bad drivers rank below honest ones."),
         (alks, "Drive the manoeuvres of UN R157 over a grid."),
         (predict_eval, "Compare predictions with recordings."),

@@ -1,0 +1,24 @@
+"""Searches small disturbances under which a planner fails by its own fault although another driver would not.
+
+found = interdrive.search("scenarios", planner="mypackage.mine:Mine", runs=1000, out="out/search")
+found.failures[0].words
+
+Definitions and limits: docs/how_to/search.md.
+"""
+
+from interdrive.failure_search.failures import Failure, Verdict, check_failure, failures, replay
+from interdrive.failure_search.search import EVALUATION_COLUMNS, Found, search
+from interdrive.failure_search.spaces import ERRORS, Space
+
+__all__ = [
+    "ERRORS",
+    "EVALUATION_COLUMNS",
+    "Failure",
+    "Found",
+    "Space",
+    "Verdict",
+    "check_failure",
+    "failures",
+    "replay",
+    "search",
+]

@@ -1,0 +1,201 @@
+"""Recordings with disturbed starts, speeds and errors, and whether such a world is plausible."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.scenario import STATE_FIELDS
+from interdrive.scenario.inspection import lanelets_at
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from interdrive.array_types import Floats
+    from interdrive.failure_search.spaces import Disturbance, Error
+    from interdrive.scenario import Obstacles, Scenario
+
+#: A vehicle that has braked takes up its recorded speed with this [m/s²].
+_RECOVERY = 2.0
+#: A follower may have to brake so hard for the vehicle ahead at its start [m/s²]; sideways distance of followers [m].
+_BRAKING_MAX, _LANE = 4.0, 2.0
+#: Pairs farther apart than this are not looked at [m].
+_REACH = 80.0
+
+State = dict[str, float]
+
+
+def disturbed(scenario: Scenario, disturbance: Disturbance) -> Scenario:
+    """The scenario with other tracks of the vehicles that are disturbed.
+
+    A vehicle that starts earlier on its way than its recording comes straight along its first heading; behind its last
+    state it is gone.
+    """
+    obstacles = scenario.obstacles
+    tables = {name: getattr(obstacles, name).copy() for name in STATE_FIELDS}
+    valid = obstacles.valid.copy()
+    for who, time in disturbance.times.items():
+        row = int(np.searchsorted(obstacles.ids, who))
+        error = disturbance.error if disturbance.error is not None and disturbance.error.who == who else None
+        factor = disturbance.speeds[who]
+        if time == 0.0 and factor == 1.0 and (error is None or error.kind not in ("brakes", "drifts")):
+            continue
+        first = int(obstacles.valid[row].argmax())
+        for name in STATE_FIELDS:
+            tables[name][row, first:] = math.nan
+        valid[row, first:] = False
+        track = _Track(obstacles, row, scenario.dt)
+        for step, state in enumerate(_states(track, time, factor, error, obstacles.x.shape[1] - first)):
+            valid[row, first + step] = True
+            for name in STATE_FIELDS:
+                tables[name][row, first + step] = state[name]
+    return replace(scenario, obstacles=replace(obstacles, valid=valid, **tables))
+
+
+class _Track:
+    """The recorded states of a vehicle, as a function of time."""
+
+    def __init__(self, obstacles: Obstacles, row: int, dt: float) -> None:
+        there = np.flatnonzero(obstacles.valid[row])
+        self.dt, self.end = dt, (len(there) - 1) * dt
+        self.columns = {
+            name: np.asarray(getattr(obstacles, name)[row, there], dtype=np.float64) for name in STATE_FIELDS
+        }
+        self.columns["orientation"] = np.unwrap(self.columns["orientation"])
+
+    def at(self, time: float) -> State:
+        """The state at a time from its first one on [s]; before that straight back along its heading."""
+        if time <= 0.0:
+            state = {name: float(values[0]) for name, values in self.columns.items()}
+            back = state["velocity"] * time
+            state["x"] += back * math.cos(state["orientation"])
+            state["y"] += back * math.sin(state["orientation"])
+            if time < 0.0:
+                state["acceleration"] = state["yaw_rate"] = 0.0
+            return state
+        place = min(time / self.dt, len(self.columns["x"]) - 1.0)
+        low = min(int(place), len(self.columns["x"]) - 2)
+        share = place - low
+        return {
+            name: float((1.0 - share) * values[low] + share * values[low + 1]) for name, values in self.columns.items()
+        }
+
+
+def _states(track: _Track, time: float, factor: float, error: Error | None, n: int) -> Iterator[State]:
+    """Its disturbed states, one per time step, up to the end of the recording."""
+    # Seconds of the recording that pass in a second; an error slows that down.
+    pace, passed, before = factor, time, math.nan
+    for step in range(n):
+        if passed > track.end + 1e-9:
+            return
+        state = track.at(passed)
+        elapsed = step * track.dt
+        recorded = max(state["velocity"], 0.0)
+        speed = pace * state["velocity"]
+        if not math.isnan(before):
+            state["acceleration"] = (speed - before) / track.dt
+        else:
+            state["acceleration"] *= pace * pace
+        state["velocity"], state["yaw_rate"] = speed, pace * state["yaw_rate"]
+        if error is not None and error.kind == "drifts":
+            _drift(state, error, elapsed)
+        yield state
+        before = speed
+        # The pace of the next step, in which it drives on.
+        if error is not None and error.kind == "brakes" and recorded > 0.0:
+            wanted = factor * recorded
+            if error.time <= elapsed < error.time + error.duration:
+                wanted = max(speed - error.size * track.dt, 0.0)
+            elif elapsed >= error.time + error.duration:
+                wanted = min(wanted, speed + _RECOVERY * track.dt)
+            pace = wanted / recorded
+        passed += pace * track.dt
+
+
+def _drift(state: State, error: Error, elapsed: float) -> None:
+    """Moves a state sideways, smoothly within the duration of the error."""
+    share = min(max((elapsed - error.time) / error.duration, 0.0), 1.0)
+    offset = error.size * share * share * (3.0 - 2.0 * share)
+    rate = error.size * 6.0 * share * (1.0 - share) / error.duration
+    heading = state["orientation"]
+    state["x"] -= offset * math.sin(heading)
+    state["y"] += offset * math.cos(heading)
+    if state["velocity"] > 1.0:
+        state["orientation"] = heading + math.atan2(rate, state["velocity"])
+
+
+def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
+    """Why a disturbed world cannot have come about; "" if it can.
+
+    A vehicle is off the road at its start, or it overlaps or has to brake hard for another one then, where this is not
+    so in the recording.
+    """
+    before, after = original.obstacles, changed.obstacles
+    for who in sorted(moved):
+        row = int(np.searchsorted(after.ids, who))
+        if after.valid[row].sum() < 2:
+            return f"{who} has no way left"
+        first = int(after.valid[row].argmax())
+        x, y = after.x[row, first : first + 1], after.y[row, first : first + 1]
+        if not lanelets_at(changed.lanelets, x, y).any():
+            return f"{who} starts off every lanelet"
+        for other in np.flatnonzero(after.valid[:, first]).tolist():
+            if other == row or math.hypot(after.x[other, first] - x[0], after.y[other, first] - y[0]) > _REACH:
+                continue
+            number = int(after.ids[other])
+            if _overlap(after, row, other, first) and not _overlap(before, row, other, first):
+                return f"{who} and {number} overlap at the start"
+            worst = max(_braking(after, row, other, first), _braking(after, other, row, first))
+            recorded = max(_braking(before, row, other, first), _braking(before, other, row, first))
+            if worst > _BRAKING_MAX >= recorded:
+                return f"{who} or {number} has to brake with {worst:.1f} m/s² at the start"
+    return ""
+
+
+def _corners(obstacles: Obstacles, row: int, column: int) -> Floats:
+    shape = obstacles.shapes[row]
+    length, width = (shape.length or 2.0 * shape.radius), (shape.width or 2.0 * shape.radius)
+    if len(shape.vertices):
+        length, width = float(np.ptp(shape.vertices[:, 0])), float(np.ptp(shape.vertices[:, 1]))
+    heading = obstacles.orientation[row, column]
+    along = 0.5 * length * np.array([math.cos(heading), math.sin(heading)])
+    across = 0.5 * width * np.array([-math.sin(heading), math.cos(heading)])
+    middle = np.array([obstacles.x[row, column], obstacles.y[row, column]])
+    corners: Floats = middle + np.array([along + across, along - across, -along - across, -along + across])
+    return corners
+
+
+def _overlap(obstacles: Obstacles, row: int, other: int, column: int) -> bool:
+    """Whether two rectangles overlap: no side of either separates them."""
+    if not (obstacles.valid[row, column] and obstacles.valid[other, column]):
+        return False
+    a, b = _corners(obstacles, row, column), _corners(obstacles, other, column)
+    for side in (a[0] - a[1], a[1] - a[2], b[0] - b[1], b[1] - b[2]):
+        first, second = a @ side, b @ side
+        if first.max() < second.min() or second.max() < first.min():
+            return False
+    return True
+
+
+def _braking(obstacles: Obstacles, follower: int, leader: int, column: int) -> float:
+    """What the follower needs not to hit a leader on the same line [m/s²]; 0 if that is not its leader."""
+    if not (obstacles.valid[follower, column] and obstacles.valid[leader, column]):
+        return 0.0
+    heading = obstacles.orientation[follower, column]
+    dx = obstacles.x[leader, column] - obstacles.x[follower, column]
+    dy = obstacles.y[leader, column] - obstacles.y[follower, column]
+    along, across = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
+    turned = math.cos(obstacles.orientation[leader, column] - heading)
+    closing = obstacles.velocity[follower, column] - obstacles.velocity[leader, column] * turned
+    if along <= 0.0 or abs(across) > _LANE or turned < math.cos(math.pi / 4.0) or closing <= 0.0:
+        return 0.0
+    half = 0.5 * sum(_length(obstacles, row) for row in (follower, leader))
+    return float(closing * closing / (2.0 * max(along - half, 0.01)))
+
+
+def _length(obstacles: Obstacles, row: int) -> float:
+    shape = obstacles.shapes[row]
+    return float(np.ptp(shape.vertices[:, 0])) if len(shape.vertices) else shape.length or 2.0 * shape.radius

@@ -1,0 +1,45 @@
+"""The smallest disturbance under which a run still fails in the same way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from interdrive.array_types import Floats
+
+#: Steps of the bisection of a coordinate.
+_STEPS = 4
+
+
+def shrunk(point: Floats, neutral: Floats, still_fails: Callable[[Floats], bool]) -> Floats:
+    """Moves coordinates back towards the undisturbed point, one by one.
+
+    Args:
+        point: It fails.
+        neutral: The undisturbed point.
+        still_fails: Whether another point fails in the same way.
+
+    Returns:
+        A point that fails; each of its coordinates is undisturbed, or found by bisection between what fails and what
+        does not.
+    """
+    best = point.copy()
+    for column in np.flatnonzero(best != neutral).tolist():
+        tried = best.copy()
+        tried[column] = neutral[column]
+        if still_fails(tried):
+            best = tried
+            continue
+        safe = neutral[column]
+        for _ in range(_STEPS):
+            tried = best.copy()
+            tried[column] = 0.5 * (safe + best[column])
+            if still_fails(tried):
+                best = tried
+            else:
+                safe = tried[column]
+    return best

@@ -1,0 +1,244 @@
+"""`interdrive search`: a planted fault is found, kept, shrunk, repeated, collected; plausible worlds; bad input."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from click.testing import CliRunner
+
+import interdrive as idr
+from interdrive import InputError, ResultsError
+from interdrive.cli import main
+from interdrive.failure_search import Space, check_failure, failures, replay
+from interdrive.failure_search.disturbed_worlds import disturbed, implausible
+from interdrive.failure_search.search import _interval
+from interdrive.failure_search.shrinking import shrunk
+from interdrive.failure_search.spaces import Disturbance, Error, disturbance, pairs, undisturbed
+from interdrive.testing import Car, straight_road, world
+
+AGENT, LEADER = 101, 102
+#: A leader that may brake, and nothing else.
+BRAKING = Space((0.0, 0.0), (1.0, 1.0), ("brakes",), 0.5, (80.0, 80.0), 1)
+RUNS = 12
+#: A planner that does not see what is ahead.
+BLIND = "drivers:Straight"
+
+
+def scenario(gap=30.0):
+    cars = [Car(AGENT, 20.0, velocity=12.0), Car(LEADER, 20.0 + gap, velocity=12.0)]
+    return world(straight_road(400.0), cars=cars, steps=80)
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario") / "leader.xml"
+    idr.write_scenario(scenario(), path)
+    return path
+
+
+def searched(file, out, runs=RUNS, **more):
+    options = {"agent_id": AGENT, "predictor": "constant_velocity", "space": BRAKING, **more}
+    return idr.search(file, options.pop("planner", BLIND), runs=runs, out=out, **options)
+
+
+@pytest.fixture(scope="module")
+def done(file, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("search") / "blind"
+    return searched(file, folder), folder
+
+
+def invoked(*arguments):
+    result = CliRunner().invoke(main, ["search", *map(str, arguments)])
+    return result.exit_code, " ".join(result.output.split())
+
+
+def test_a_planner_that_does_not_see_its_leader_brake_is_found_at_fault_and_others_avoid_it(done):
+    found, folder = done
+    assert found.runs == RUNS
+    assert 0 < found.uniform_failures <= found.uniform_runs
+    assert found.rate[1] < found.rate[0] < found.rate[2]
+    assert found.undisturbed == found.left_out == ()
+    one = found.failures[0]
+    assert (one.failure, one.witness, one.drive.agent_id) == ("ran_into", "cc", AGENT)
+    assert one.disturbance.startswith("102 brakes with ")
+    assert {path.name for path in one.folder.iterdir()} == {
+        *("README.md", "failure.json", "failure.png", "run", "run.toml", "start.xml", "witness"),
+    }
+    assert len(found.failures) <= 3, "failures of one signature"
+    rows = pq.read_table(folder / "evaluations.parquet").to_pydict()
+    assert rows["index"] == list(range(RUNS))
+    assert all(rows["uniform"][::2])
+    assert [failure != "" for failure in rows["failure"]] == [value < 0.0 for value in rows["criticality"]]
+
+
+def test_a_failure_is_repeated_to_the_bit_and_its_file_is_an_ordinary_scenario(done, tmp_path):
+    one = done[0].failures[0]
+    with pytest.raises(InputError, match=r"names code outside interdrive \(drivers:Straight\)"):
+        replay(one)
+    run, is_equal = replay(one, trust=True)
+    assert is_equal
+    assert run.digest == one.digest
+    assert invoked("replay", one.folder, "--trust")[0] == 0
+    moved = tmp_path / "moved"
+    shutil.copytree(one.folder, moved)
+    stored = json.loads((moved / "failure.json").read_text())
+    (moved / "failure.json").write_text(json.dumps({**stored, "digest": "0" * 64}))
+    code, text = invoked("replay", moved, "--trust")
+    assert code == 1
+    assert "digest different" in text
+    out = tmp_path / "again"
+    ran = CliRunner().invoke(main, ["run", "--config", str(one.folder / "run.toml"), "--out", str(out), "--quiet"])
+    assert ran.exit_code == 0, ran.output
+    assert idr.load(out).digest == one.digest
+
+
+def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes(done, file, tmp_path):
+    def stop(runs, n_failures):
+        if runs == 5:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "stopped"
+    with pytest.raises(KeyboardInterrupt):
+        searched(file, out, on_run=stop)
+    assert pq.read_table(out / "evaluations.parquet").num_rows == 5
+    with (out / "evaluations.jsonl").open("a") as log:
+        log.write('{"index": 5, "pa')  # what a killed process leaves
+    found = searched(file, out)
+    assert (out / "evaluations.jsonl").read_bytes() == (done[1] / "evaluations.jsonl").read_bytes()
+    assert [one.digest for one in found.failures] == [one.digest for one in done[0].failures]
+
+
+def test_a_suite_says_which_failures_a_planner_has_fixed(done, tmp_path):
+    suite = tmp_path / "suite"
+    code, text = invoked("suite", done[1], "--out", suite)
+    assert (code, f"{len(done[0].failures)} failures in" in text) == (0, True)
+    assert invoked("suite", done[1], "--out", suite)[0] == 2, "collected twice"
+    code, text = invoked("check", suite, "--planner", BLIND)
+    assert code == 1
+    assert f"0 of {len(done[0].failures)} fixed" in text
+    assert invoked("check", suite, "--planner", "cc")[0] == 0
+    one = failures(suite)[0]
+    assert check_failure(one, "cc").failure == ""
+    one.check("cc")
+    with pytest.raises(AssertionError, match="ran_into"):
+        one.check(BLIND)
+
+
+def test_the_command_says_what_it_found_and_its_interval(file, tmp_path):
+    code, text = invoked(file, "--planner", "idm", "--agent", AGENT, "--runs", 4, "--out", tmp_path / "idm")
+    assert code == 0
+    assert "0 failures kept, 0 of them avoidable; 0 of 4 uniform runs fail: 0.00 % (0.00 to 60.24)" in text
+
+
+def test_a_leader_brakes_and_drives_on():
+    changed = disturbed(
+        scenario(), Disturbance({LEADER: 0.0}, {LEADER: 1.0}, Error("brakes", LEADER, 1.0, 5.0, 1.0), None)
+    )
+    speed = changed.obstacles.velocity[1]
+    assert speed[:10] == pytest.approx(12.0)
+    assert speed[20] == pytest.approx(7.0, abs=0.51), "m/s, after 1 s of 5 m/s²"
+    assert speed[60] == pytest.approx(12.0), "m/s"
+    way = np.diff(changed.obstacles.x[1, :70])
+    assert way == pytest.approx(0.1 * speed[:69], abs=0.06), "m per step"
+
+
+def test_a_vehicle_drifts_and_keeps_its_offset():
+    changed = disturbed(
+        scenario(), Disturbance({LEADER: 0.0}, {LEADER: 1.0}, Error("drifts", LEADER, 1.0, 0.8, 2.0), None)
+    )
+    assert changed.obstacles.y[1, [0, 10, 30, 60]] == pytest.approx([0.0, 0.0, 0.8, 0.8]), "m"
+
+
+def test_starts_move_along_the_recording():
+    changed = disturbed(scenario(), Disturbance({LEADER: -1.5}, {LEADER: 0.8}, None, None))
+    assert changed.obstacles.x[1, 0] == pytest.approx(50.0 - 18.0), "m: 1.5 s at 12 m/s"
+    assert changed.obstacles.velocity[1, 0] == pytest.approx(9.6), "m/s"
+    assert np.array_equal(changed.obstacles.x[0], scenario().obstacles.x[0], equal_nan=True)
+
+
+def test_what_cannot_have_come_about_is_not_driven():
+    original = scenario()
+
+    def why(time, speed=1.0):
+        changed = disturbed(original, Disturbance({LEADER: time}, {LEADER: speed}, None, None))
+        return implausible(original, changed, {LEADER})
+
+    assert why(0.5) == ""
+    assert why(-2.4) == "102 and 101 overlap at the start"
+    assert why(-1.9, 0.5).startswith("102 or 101 has to brake with ")
+    assert why(-6.0) == "102 starts off every lanelet"
+    assert why(100.0) == "102 has no way left"
+
+
+def test_the_undisturbed_point_changes_nothing():
+    (pair, _) = pairs(scenario(), 4)
+    for space in (Space(), Space(start_speed=(1.0, 1.0)), replace(Space(), errors=())):
+        change = disturbance(space, pair, undisturbed(space))
+        assert change.words() == "nothing is disturbed"
+        assert disturbed(pair.scenario, change).obstacles.x is not None
+
+
+def test_shrinking_leaves_only_what_is_needed():
+    neutral = np.full(4, 0.5)
+    point = np.array([0.9, 0.1, 0.7, 0.5])
+    small = shrunk(point, neutral, lambda other: other[0] >= 0.7)
+    assert small[1:].tolist() == [0.5, 0.5, 0.5]
+    assert 0.7 <= small[0] < 0.73
+
+
+def test_intervals_are_those_of_clopper_and_pearson():
+    # Fleiss, Levin, Paik, "Statistical Methods for Rates and Proportions": 0 of 10, 5 of 10, 10 of 10.
+    assert _interval(0, 10) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
+    assert _interval(5, 10) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
+    assert _interval(10, 10) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"agent_id": 7}, "agent 7: no vehicle of leader that can be an agent"),
+        ({"planner": object()}, "a search keeps failures: name the planner, as module:object"),
+        ({"runs": 0}, "runs: must be positive, is 0"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused(file, tmp_path, change, words):
+    with pytest.raises(InputError) as refused:
+        searched(file, tmp_path / "out", **change)
+    assert words in str(refused.value)
+
+
+def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
+    with pytest.raises(InputError, match=r"holds another search \(seed differ\)"):
+        searched(file, done[1], seed=1)
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="is no search, and not empty"):
+        searched(file, tmp_path)
+    with pytest.raises(ResultsError, match="there are no failures"):
+        failures(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("start_time = [2.0, -2.0]", "start_time: the lower bound 2 is above the upper one -2"),
+        ("start_speed = [0.0, 1.0]", "start_speed: must be positive, is 0"),
+        ('errors = ["sleeps"]', "errors: there is no error sleeps; there are brakes, drifts, inattentive, disobeys"),
+        ("error_share = 2.0", "error_share: must be from 0 to 1, is 2"),
+        ("other = 3", "did you mean others?"),
+        ("=", "not a TOML file"),
+    ],
+)
+def test_a_file_that_says_no_space_is_refused_in_one_line(tmp_path, text, words):
+    path = tmp_path / "space.toml"
+    path.write_text(text)
+    code, said = invoked("t_junction", "--planner", "idm", "--space", path, "--out", tmp_path / "out")
+    assert code == 2
+    assert words in said
+
+
+def test_one_line_makes_a_test_case_of_a_failure(done):
+    names = [str(failure) for failure in idr.failures(done[1])]
+    assert names == [f"{number:03d}" for number in range(1, len(names) + 1)]
