@@ -63,7 +63,14 @@ class Failure:
         return self.folder.name
 
     def check(self, planner: str) -> None:
-        """Raises AssertionError if a `planner` fails in the agent's place, too: a test case in one line."""
+        """A test case in one line: a planner must not fail in the agent's place.
+
+        Args:
+            planner: The planner, as on the command line.
+
+        Raises:
+            AssertionError: It fails, too.
+        """
         found = check_failure(self, planner, trust=True)
         if found.failure:
             raise AssertionError(f"{self.folder}: {planner}: {found.failure}: {found.words}")
@@ -79,6 +86,9 @@ class Verdict:
 
 def failures(folder: str | Path) -> list[Failure]:
     """The failures of a search, or of a suite, in the order in which they were found.
+
+    Args:
+        folder: Folder of the search or suite.
 
     Raises:
         ResultsError: The folder holds none of either, or a file is damaged.

@@ -71,6 +71,9 @@ class Space:
     def read(cls, path: Path) -> Space:
         """The space of a TOML file with some of the attributes; the others have their defaults.
 
+        Args:
+            path: The file.
+
         Raises:
             InputError: The file does not exist, is not TOML, or says something that is no space.
         """
