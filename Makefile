@@ -180,8 +180,9 @@ FUZZ_SECONDS ?= 3600
 fuzz: $(VENV)/.installed ## mutated files through everything; see docs/research/robustness.md
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
 
-fuzz-smoke: $(VENV)/.installed ## regressions and 300 mutants, the same ones every time, for a minute at most
+fuzz-smoke: $(VENV)/.installed ## regressions, 300 mutants and 400 of other formats, the same ones every time, for two minutes at most
 	$(BIN)/python -m tests.fuzz --seconds 60 --mutants 300
+	$(BIN)/python -m tests.fuzz --seconds 60 --mutants 400 --formats all
 
 # Needs a nightly Rust. What is found lies in fuzz/artifacts.
 FUZZ_MINUTES ?= 5

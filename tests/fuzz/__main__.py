@@ -4,6 +4,7 @@
     python -m tests.fuzz --seconds 60                                # the first mutants of seed 1: `make fuzz-smoke`
     python -m tests.fuzz --seed 1 --only 4711                        # one mutant again, with everything that it says
     python -m tests.fuzz --files FOLDER_OR_FILE                      # these files, unchanged
+    python -m tests.fuzz --formats opendrive,sumo --mutants 4000     # maps and recordings of other tools
 
 Regressions are tried first. Exit code 1: something failed; each kind of failure is kept in the folder `--found`.
 """
@@ -28,8 +29,9 @@ from typing import TYPE_CHECKING
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "support"))  # tests share small documents
 
 from tests.fuzz.isolation import Ending, Limits, isolated
-from tests.fuzz.mutants import mutant
+from tests.fuzz.mutants import Mutant, mutant
 from tests.fuzz.seeds import documents, further
+from tests.fuzz.sources import formats, source_mutant
 from tests.fuzz.trial import ACCEPTED, FAILED, REFUSED, tried
 
 if TYPE_CHECKING:
@@ -47,14 +49,14 @@ def main() -> int:
     limits = Limits(memory=options.memory_mb * 10**6, cpu_seconds=options.cpu_seconds)
     seeds = documents(), tuple(data for folder in options.seeds for data in further(folder))
     if options.only is not None:
-        one = mutant(options.seed, options.only, *seeds)
+        one = _mutant(options, options.only, seeds)
         _keep(options.found, "only", one.files, {})
-        ending = isolated(one.files, one.main, one.random, limits)
+        ending = isolated(one.files, one.main, one.random, limits, one.options if options.formats else None)
         print(json.dumps(asdict(ending), indent=1).replace("\\n", "\n"))
         return int(ending.verdict == FAILED)
     _warm_up(seeds[0][0])
     tally = Tally(options.found)
-    for path in _given([REGRESSIONS, *options.files]):
+    for path in _given([*([] if options.formats else [REGRESSIONS]), *options.files]):
         files = {part.name: part.read_bytes() for part in _beside(path)}
         tally.add(path.name, "given", files, isolated(files, path.name, Random(path.name), limits))
         if options.files:
@@ -98,7 +100,8 @@ class Tally:
     @property
     def is_telling(self) -> bool:
         """Whether mutants of each kind were accepted, and others refused."""
-        return all(self.counts[kind, verdict] for kind in ("xml", "protobuf") for verdict in (ACCEPTED, REFUSED))
+        kinds = {kind for kind, _ in self.counts if kind.startswith("source")} or {"xml", "protobuf"}
+        return all(self.counts[kind, verdict] for kind in kinds for verdict in (ACCEPTED, REFUSED))
 
     def table(self) -> str:
         """Counts, as the end of a campaign says them."""
@@ -125,13 +128,14 @@ def _campaign(
         index = options.first + job
         try:
             while time.monotonic() < until and index < options.first + options.mutants:
-                one = mutant(options.seed, index, *seeds)
-                queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits)))
+                one = _mutant(options, index, seeds)
+                given = one.options if options.formats else None
+                queue.put((index, one.kind, one.files, isolated(one.files, one.main, one.random, limits, given)))
                 index += options.jobs
         finally:
             queue.put(None)
 
-    mutant(options.seed, 0, *seeds)
+    _mutant(options, 0, seeds)
     # Not daemons: they have children of their own.
     workers = [context.Process(target=work, args=(job,)) for job in range(options.jobs)]
     for worker in workers:
@@ -152,6 +156,20 @@ def _campaign(
         worker.join()
         if worker.exitcode:
             raise SystemExit(f"the fuzzer itself failed (exit code {worker.exitcode}); its traceback stands above")
+
+
+def _mutant(options: argparse.Namespace, index: int, seeds: tuple[tuple[bytes, ...], tuple[bytes, ...]]) -> Mutant:
+    if options.formats:
+        return source_mutant(options.seed, index, options.formats)
+    return mutant(options.seed, index, *seeds)
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    names = tuple(formats()) if text == "all" else tuple(text.split(","))
+    unknown = set(names) - set(formats())
+    if unknown:
+        raise argparse.ArgumentTypeError(f"{unknown.pop()} is none of all, {', '.join(formats())}")
+    return names
 
 
 def _warm_up(document: bytes) -> None:
@@ -209,6 +227,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--only", type=int, help="number of the only mutant")
     parser.add_argument("--files", type=Path, nargs="*", default=[], help="these files or folders, unchanged")
     parser.add_argument("--seeds", type=Path, nargs="*", default=[], help="folders with further documents to change")
+    parser.add_argument("--formats", type=_formats, default=(), help="of other tools, instead of CommonRoad files: all")
     parser.add_argument("--found", type=Path, default=Path("out/fuzz"), help="where failures are kept")
     parser.add_argument("--memory-mb", type=int, default=2000, help="resident memory of a trial")
     parser.add_argument("--cpu-seconds", type=int, default=20, help="time of a trial")

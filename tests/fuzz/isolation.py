@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tests.fuzz.trial import FAILED, tried
+from tests.fuzz.trial import FAILED, tried, tried_source
 
 if TYPE_CHECKING:
     from random import Random
@@ -54,7 +54,9 @@ class Ending:
     memory: int
 
 
-def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits) -> Ending:
+def isolated(
+    files: dict[str, bytes], main: str, random: Random, limits: Limits, options: dict[str, str] | None = None
+) -> Ending:
     """Tries a file in a child process, which is made by forking.
 
     Threads do not survive that: those of the core live no longer than a simulation, Arrow starts its own anew.
@@ -64,6 +66,7 @@ def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits)
         main: The one that is opened.
         random: For the choices of the trial.
         limits: Of the child.
+        options: Of a source of another tool; None: it is a CommonRoad file.
 
     Returns:
         The ending; a child that was killed or used too much has failed.
@@ -74,7 +77,7 @@ def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits)
     child = os.fork()
     if child == 0:
         os.close(reader)
-        _child(files, main, folder, random, limits, writer)
+        _child(files, main, folder, random, limits, writer, options)
     os.close(writer)
     try:
         lines, timed_out = _heard(reader, child, limits.wall_seconds)
@@ -99,7 +102,15 @@ def isolated(files: dict[str, bytes], main: str, random: Random, limits: Limits)
     return Ending(endings[-1]["verdict"], stage, endings[-1]["text"], seconds, memory)
 
 
-def _child(files: dict[str, bytes], main: str, folder: Path, random: Random, limits: Limits, writer: int) -> None:
+def _child(
+    files: dict[str, bytes],
+    main: str,
+    folder: Path,
+    random: Random,
+    limits: Limits,
+    writer: int,
+    options: dict[str, str] | None,
+) -> None:
     """The whole life of the child."""
     os.setsid()
     resource.setrlimit(resource.RLIMIT_CPU, (limits.cpu_seconds, limits.cpu_seconds + 5))
@@ -113,11 +124,17 @@ def _child(files: dict[str, bytes], main: str, folder: Path, random: Random, lim
         os.write(writer, (json.dumps(line) + "\n").encode())
 
     try:
+        inputs, out = folder / "in", folder / "out"
+        for made in (inputs, out):
+            made.mkdir()
         for name, data in files.items():
-            (folder / name).write_bytes(data)
-        (folder / "out").mkdir()
-        os.chdir(folder / "out")
-        verdict, text = tried(folder / main, folder / "out", random, lambda stage: say(stage=stage))
+            (inputs / name).write_bytes(data)
+        if options is None:
+            os.chdir(out)
+            verdict, text = tried(inputs / main, out, random, lambda stage: say(stage=stage))
+        else:
+            os.chdir(inputs)
+            verdict, text = tried_source(inputs / main, out, random, options, lambda stage: say(stage=stage))
         say(verdict=verdict, text=text[-6000:])
     finally:
         os._exit(0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -29,16 +29,18 @@ class Mutant:
     """Files of a mutant, and the random numbers that the rest of its trial may draw.
 
     Attributes:
-        kind: "xml" or "protobuf".
-        main: Name of the file that is opened.
+        kind: "xml", "protobuf", or "source" and the format of another tool.
+        main: Name of the file that is opened; "": the folder.
         files: Content by file name.
         random: Continues after the mutation.
+        options: Of a source.
     """
 
     kind: str
     main: str
     files: dict[str, bytes]
     random: Random
+    options: dict[str, str] = field(default_factory=dict)
 
 
 def mutant(seed: int, index: int, documents: tuple[bytes, ...], others: tuple[bytes, ...] = ()) -> Mutant:

@@ -8,15 +8,16 @@ import json
 import re
 import traceback
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import interdrive as idr
 from interdrive.cli import main
+from interdrive.files.scenario_file import losses
 from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
     from random import Random
 
 N_STEPS = 20
@@ -125,13 +126,58 @@ def _tried(path: Path, folder: Path, random: Random, on_stage: Callable[[str], N
     return ACCEPTED, ""
 
 
+def tried_source(
+    path: Path, folder: Path, random: Random, options: dict[str, str], on_stage: Callable[[str], None]
+) -> tuple[str, str]:
+    """Converts a source of another tool, in this process; a file that was converted is read as the same scenario.
+
+    Args:
+        path: The file or folder.
+        folder: An empty folder for what is written.
+        random: Chooses whether it is also run.
+        options: How it is read.
+        on_stage: Told what begins.
+
+    Returns:
+        As `tried`.
+    """
+    try:
+        return _tried_source(path, folder, random, options, on_stage)
+    except BaseException:  # noqa: BLE001 - as above
+        return FAILED, traceback.format_exc()
+
+
+def _tried_source(
+    path: Path, folder: Path, random: Random, options: dict[str, str], on_stage: Callable[[str], None]
+) -> tuple[str, str]:
+    on_stage("convert")
+    target = folder / "new.xml"
+    given = (f"--{name}={value}" for name, value in options.items())
+    refusal = _command("convert", path, "--out", target, *given, judge=_judge_source_line)
+    if refusal:
+        if list(folder.iterdir()):
+            raise Broken(f"refused, but written: {refusal}")
+        return REFUSED, refusal
+    on_stage("read again")
+    scenario = idr.read_source(path, raw=True, **options)
+    lost = losses(scenario, target.read_bytes())
+    if lost:
+        raise Broken(f"the converted file is another scenario: {lost[0]}")
+    if random.random() < 0.1:
+        on_stage("run")
+        settings = ("--set", "step.max_steps=5", "--threads", "1", "--quiet", "--planner", "idm")
+        predicted = ("--predictor", "constant_velocity")
+        _command("run", target, *settings, *predicted, "--out", folder / "run")
+    return ACCEPTED, ""
+
+
 def _must(*arguments: object) -> None:
     line = _command(*arguments)
     if line:
         raise Broken(f"{arguments[0]} refuses a run that was saved: {line}")
 
 
-def _command(*arguments: object) -> str:
+def _command(*arguments: object, judge: Callable[[str, object], None] | None = None) -> str:
     """Runs a command of the command line; its line on stderr if it refuses, "" if all is right."""
     out, err = io.StringIO(), io.StringIO()
     code: object = None
@@ -147,7 +193,7 @@ def _command(*arguments: object) -> str:
         return ""
     if code != 2:
         raise Broken(f"{arguments[0]} ends with exit code {code}: {said}")
-    _judge_line(said, arguments[1])
+    (judge or _judge_line)(said, arguments[1])
     return said.strip()
 
 
@@ -161,6 +207,16 @@ def _judge_line(said: str, path: object) -> None:
         raise Broken(f"a refusal does not name what is wrong: {line}")
     if name not in line and name.partition(".")[0].partition("_T-1")[0] not in line:
         raise Broken(f"a refusal does not name {name}: {line}")
+
+
+def _judge_source_line(said: str, path: object) -> None:
+    """A refusal of a source is one line of readable length that names the file, or one beside it, and what is wrong."""
+    line, given = said.removesuffix("\n"), Path(str(path))
+    named = {given.name, *(one.name for one in (given if given.is_dir() else given.parent).iterdir()), ".csv"}
+    if not line.startswith("error: ") or "\n" in line or len(line) > 1000:
+        raise Broken(f"a refusal is not one line: {said[:2000]!r}")
+    if not any(name in line for name in named) or len(line.rpartition(": ")[2]) < 10:
+        raise Broken(f"a refusal does not name file and cause: {line}")
 
 
 def _judge_page(page: str) -> None:

@@ -140,7 +140,7 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
     left, right = [], []
     for lanelet in lanelets:
         bounds = [np.array(side, dtype=np.float64)[:, :2] for side in (lanelet.left_vertices, lanelet.right_vertices)]
-        turned = _turned(*bounds)
+        turned = turned_bound(*bounds)
         if turned is not None:
             bounds[turned] = bounds[turned][::-1]
             side = ("left", "right")[turned]
@@ -194,7 +194,7 @@ def _stated(values: tuple[Value, ...], nothing: Value) -> tuple[Value, ...]:
     return () if all(value == nothing for value in values) else values
 
 
-def _turned(left: NDArray[np.float64], right: NDArray[np.float64]) -> int | None:
+def turned_bound(left: NDArray[np.float64], right: NDArray[np.float64]) -> int | None:
     """Which bound runs against the other and is on its side if turned round (0: left, 1: right); None if none does."""
     if min(len(left), len(right)) < 2:
         return None

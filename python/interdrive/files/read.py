@@ -43,6 +43,8 @@ ScenarioSpec: TypeAlias = (
     "| tuple[CommonRoadScenario, PlanningProblemSet | PlanningProblem]"
 )
 
+#: Letters of a message about a source.
+_LONGEST = 500
 #: Endings of protobuf files; all other files are read as XML.
 PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
 
@@ -113,9 +115,13 @@ def _read_any(path: Path, options: SourceOptions, *, raw: bool) -> Scenario:
     file = SourceFile(path)
     found = recognised(file)
     if found is not None:
-        with quiet(str(path)):
-            read_map = functools.partial(_read_any, raw=True)
-            return _repaired(scenario_of(file, found, options, read_map), raw=raw)
+        try:
+            with quiet(str(path)):
+                read_map = functools.partial(_read_any, raw=True)
+                return _repaired(scenario_of(file, found, options, read_map), raw=raw)
+        except InputError as error:  # it may quote what is in the file
+            text = str(error)
+            raise InputError(text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ...") from error.__cause__
     if file.is_folder:
         raise InputError(
             f"{path}: is a folder; it holds no Argoverse 2 scenario (scenario_*.parquet and log_map_archive_*.json)"

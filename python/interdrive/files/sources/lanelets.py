@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.files.convert import turned_bound
 from interdrive.files.sources.polylines import SAME_POINT, distinct, length
 from interdrive.scenario import Lanelets
+from interdrive.scenario.limits import LARGEST_SPEED_LIMIT, LONGEST_LANELET
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats
@@ -36,6 +38,10 @@ DECIMALS = 4
 
 def lanelets_of(roads: Roads, notes: Notes) -> tuple[Lanelets, tuple[str, ...]]:
     """Lanelets with ids 1, 2, ... in the order of the lanes, and the key of each; coordinates have 4 decimals."""
+    for lane in roads.lanes:
+        if not (math.isnan(lane.speed_limit) or 0.0 < lane.speed_limit <= LARGEST_SPEED_LIMIT):
+            notes.name("speed limits without a sensible value left out, lanes", lane.key)
+            lane.speed_limit = math.nan
     lanes = [_cleaned(lane, left_hand=bool(roads.left_hand)) for lane in roads.lanes]
     order = _Network(lanes, roads.links)
     order.drop_narrow(notes)
@@ -61,6 +67,12 @@ class _Network:
                 self._bridge(place)
             elif float(np.hypot(*(lane.left - lane.right).T).max()) < _NARROW:
                 notes.leave_out("lanes", f"narrower than {_NARROW:g} m")
+                self.lanes[place] = None
+            elif length(lane.left) > LONGEST_LANELET:
+                notes.leave_out("lanes", "longer than 100 km")
+                self.lanes[place] = None
+            elif turned_bound(lane.left, lane.right) is not None:
+                notes.leave_out("lanes", "turning back on itself")
                 self.lanes[place] = None
         self._keep_links()
 
