@@ -429,7 +429,7 @@ BAD_DOCUMENTS = {
     "truncated": (document(car(30, initial(0.0)))[:-300].encode(), "broken XML .* complete"),
     "XML bomb": (cr.BOMB, "document type declaration"),
     "external entity": (cr.EXTERNAL_ENTITY, "document type declaration"),
-    "other root": (b"<svg/>", "root element is <svg>"),
+    "other root": (b"<svg/>", "<svg> is no map or scenario that is read here"),
     "old version": (document(version="2017a"), "version 2017a is not supported"),
     "no lanelets": (document(lanelets=""), "has no lanelets"),
     "dt 0": (document(dt="0"), "dt.* is 0"),
