@@ -84,6 +84,29 @@ def test_the_folder_has_tables_a_figure_a_page_and_rows_as_typed(found, tmp_path
     assert "data:image/png" in (folder / "realism.html").read_text()
 
 
+def test_what_is_not_simulated_has_no_collisions_rather_than_none(found):
+    rows = _rows(found)
+    assert np.isnan(rows["constant_velocity"].collisions)
+    assert np.isnan(rows["constant_velocity"].not_admitted)
+    assert (rows["recorded"].long_collisions, rows["recorded"].long_departures) == (0.0, 0.0)
+    assert rows["recorded"].long_vehicles == rows["idm"].long_vehicles == 14
+
+
+def test_rollouts_with_drivers_spread(recording):
+    rows = _rows(idr.realism(recording, ["idm", "idm,drivers=house"], rollouts=3, long=0.0, starts=[1.0]))
+    assert rows["idm"].energy[5] == rows["idm"].distance[5]
+    assert rows["idm,drivers=house"].energy[5] < rows["idm,drivers=house"].distance[5] + 0.5
+    assert rows["idm,drivers=house"].energy[5] != rows["idm,drivers=house"].distance[5]
+
+
+def test_vehicles_beside_all_roads_cannot_be_judged(tmp_path):
+    path = tmp_path / "DEU_Field-1_1_T-1.xml"
+    cars = [Car(101, 20.0, 60.0, 15.0), Car(102, 60.0, 60.0, 15.0)]
+    idr.write_scenario(world(straight_road(400.0), cars=cars, steps=60, dt=0.2, name=path.stem), path)
+    with pytest.raises(InputError, match="no vehicle can be judged: none has a route"):
+        idr.realism(path, "idm")
+
+
 def _shaken(scenario, after):
     """The same with another course of all vehicles after a time step."""
     obstacles = scenario.obstacles

@@ -123,11 +123,15 @@ def realism(
     long_windows = windows_of(recordings, horizon=long, is_long=True) if long > 0.0 else []
     draws = any(_draws(planner, given) for _, planner in choices)
     short_seeds = tuple(seed + i for i in range(rollouts if draws else 1))
-    jobs = [_Job(one, _from(given, one), choices, short_seeds) for one in windows]
-    long_jobs = [_Job(one, _from(given, one), choices, (seed,), is_long=True) for one in long_windows]
-    agents = list(_done(_planning, [*jobs, *long_jobs], workers, on_step, "routes"))
-    jobs = [replace(job, agents=tuple(own)) for job, own in zip(jobs, agents, strict=False)]
-    long_jobs = [replace(job, agents=tuple(own)) for job, own in zip(long_jobs, agents[len(jobs) :], strict=True)]
+    every = [_Job(one, _from(given, one), choices, short_seeds) for one in windows]
+    every += [_Job(one, _from(given, one), choices, (seed,), is_long=True) for one in long_windows]
+    agents = list(_done(_planning, every, workers, on_step, "routes"))
+    every = [replace(job, agents=tuple(own)) for job, own in zip(every, agents, strict=True)]
+    jobs = [job for job in every if not job.is_long and len(job.judged)]
+    long_jobs = [job for job in every if job.is_long and job.agents]
+    if not jobs:
+        raise InputError("realism: no vehicle can be judged: none has a route")
+    windows = [job.window for job in jobs]
     known = situations(windows, [job.judged for job in jobs])
     firsts = np.cumsum([0, *(len(job.judged) for job in jobs)]).tolist()
     jobs = [replace(job, known=known, first=first) for job, first in zip(jobs, firsts, strict=False)]
@@ -277,7 +281,7 @@ def _measured(job: _Job, _attempt: int) -> dict[str, WindowMeasures] | Interdriv
     try:
         window, judged = job.window, job.judged
         road = core_road(window.scenario, job.settings.road)
-        truth = rollouts.recorded(window, judged)
+        truth = rollouts.replayed(window, job.settings, job.agents)
         rows = {
             RECORDED: truth,
             CONSTANT_VELOCITY: rollouts.constant_velocity(window, judged),
@@ -299,8 +303,9 @@ def _measured(job: _Job, _attempt: int) -> dict[str, WindowMeasures] | Interdriv
 def _measured_long(job: _Job, _attempt: int) -> dict[str, LongMeasures] | InterdriveError:
     try:
         window, agents = job.window, np.array(job.agents, dtype=np.int64)
-        truth = rollouts.recorded(window, agents)
-        found = {RECORDED: LongMeasures(thirds(truth.tracks, agents, window.start_point), len(agents))}
+        truth = rollouts.replayed(window, job.settings, job.agents)
+        measured_of = thirds(truth.tracks, agents, window.start_point)
+        found = {RECORDED: LongMeasures(measured_of, truth.n_agents, truth.collisions, truth.departures)}
         for label, planner in job.planners:
             row = rollouts.simulated(window, planner, job.settings, job.seeds, job.agents)
             found[label] = LongMeasures(

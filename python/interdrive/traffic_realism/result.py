@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from interdrive.traffic_realism.summary import Floor, Row
 
 _NO_ROLLOUT = "no rollout"
+_NOT_DRIVEN = "the row is not simulated"
 
 
 def _number(name: str, text: str, unit: str, null: str = "no vehicle") -> Column:
@@ -55,10 +56,10 @@ ROW_COLUMNS = (
     ),
     _number("lane_changes", "lane changes", "1/km"),
     _number("standing", "share of points at which a vehicle stands", "1"),
-    _number("braked", "judged vehicles of 100 that brake harder than 4 m/s² in the first 3 s", "1"),
-    _number("collisions", "vehicles of 100 that hit another participant", "1"),
-    _number("departures", "vehicles of 100 that leave the road", "1"),
-    _number("not_admitted", "share of the vehicles that find no room to enter", "1"),
+    _number("braked", "judged vehicles of 100 that brake harder than 4 m/s² in the first 3 s", "1", _NOT_DRIVEN),
+    _number("collisions", "vehicles of 100 that hit another participant", "1", _NOT_DRIVEN),
+    _number("departures", "vehicles of 100 that leave the road", "1", _NOT_DRIVEN),
+    _number("not_admitted", "share of the vehicles that find no room to enter", "1", _NOT_DRIVEN),
     Column("long_vehicles", "integer", "vehicles of the long rollouts"),
     _number("long_collisions", "vehicles of 100 that hit another participant in long rollouts", "1", _NO_ROLLOUT),
     _number("long_departures", "vehicles of 100 that leave the road in long rollouts", "1", _NO_ROLLOUT),

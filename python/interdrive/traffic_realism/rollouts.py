@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -133,11 +133,28 @@ def _counted(run: Run, window: Window, judged: Ints) -> Ints:
     )
 
 
+def replayed(window: Window, settings: SimulationSettings, agents: Sequence[int]) -> Rollouts:
+    """The recording, with what is judged of it as of any planner: contacts, and whether vehicles leave the road.
+
+    Args:
+        window: Where the vehicles start.
+        settings: Of the runs.
+        agents: Ids of the vehicles that plan in other rows.
+    """
+    # Who replays is done where its recording ends.
+    until_end = replace(settings.goal, information="timed")
+    own = replace(settings, goal=until_end, step=replace(settings.step, entry_wait=0.0))
+    found = simulated(window, "recorded", own, (0,), agents)
+    truth = recorded(window, found.judged)
+    counts = {name: getattr(found, name) for name in ("n_agents", "collisions", "departures", "braked")}
+    return replace(truth, **counts)
+
+
 def recorded(window: Window, judged: Ints) -> Rollouts:
     """The recording itself."""
     tracks = _padded(window)
     states = tracks.stacked(tracks.rows(judged))[:, :, window.start_point :]
-    return Rollouts(judged, states[None], tracks, len(judged))
+    return Rollouts(judged, states[None], tracks)
 
 
 def constant_velocity(window: Window, judged: Ints) -> Rollouts:
@@ -147,7 +164,7 @@ def constant_velocity(window: Window, judged: Ints) -> Rollouts:
     states = tracks.stacked(rows)
     states[:, :, window.start_point + 1 :] = np.nan
     own = _going_on(states, window.start_point)
-    return Rollouts(judged, own[None, :, :, window.start_point :], tracks.replaced(rows, own), len(judged))
+    return Rollouts(judged, own[None, :, :, window.start_point :], tracks.replaced(rows, own))
 
 
 def moved(window: Window, judged: Ints, states: Floats) -> Rollouts:
@@ -156,7 +173,7 @@ def moved(window: Window, judged: Ints, states: Floats) -> Rollouts:
     rows = tracks.rows(judged)
     own = tracks.stacked(rows)
     own[:, :, window.start_point :] = states[0]
-    return Rollouts(judged, states, tracks.replaced(rows, own), len(judged))
+    return Rollouts(judged, states, tracks.replaced(rows, own))
 
 
 def _padded(window: Window) -> Tracks:

@@ -155,7 +155,7 @@ def row_of(
         auc=_aucs(parts, recorded, seed),
         lane_changes=1000.0 * sum(part.lane_changes for part in parts) / way if way > 0.0 else float("nan"),
         standing=sum(part.standing for part in parts) / points if points else float("nan"),
-        braked=_per_100(sum(part.braked for part in parts), judged),
+        braked=_per_100(sum(part.braked for part in parts), judged if agents else 0),
         collisions=_per_100(sum(part.collisions for part in parts), agents),
         departures=_per_100(sum(part.departures for part in parts), agents),
         not_admitted=_per_100(outside, agents + long_agents) / 100.0,
