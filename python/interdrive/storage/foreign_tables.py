@@ -64,10 +64,10 @@ class ForeignTable:
         try:
             if pa.types.is_dictionary(column.type):
                 column = column.cast(column.type.value_type)
-            numbers = column.cast(pa.float64(), safe=False).to_numpy()
+            numbers = _values(column.cast(pa.float64(), safe=False), np.float64)
         except (pa.ArrowException, ValueError, TypeError):
             raise InputError(f"{self.file}: the column {name} has a value that is no number; correct it") from None
-        return np.array(numbers, dtype=np.float64)
+        return numbers
 
     def words(self, name: str) -> tuple[tuple[str, ...], Ints]:
         """The different texts of a column in the order of their first rows, and which of them each row has.
@@ -82,16 +82,35 @@ class ForeignTable:
             if pa.types.is_dictionary(column.type):
                 column = column.cast(column.type.value_type)
             if pa.types.is_floating(column.type):
-                values = column.to_numpy()
-                whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2.0**53)
-                if whole.all():
-                    column = pa.chunked_array([pa.array(values.astype(np.int64))])
-            encoded = column.cast(pa.large_string()).fill_null("").combine_chunks().dictionary_encode()
-            texts = tuple(str(text) for text in encoded.dictionary.to_pylist())
-            rows = np.array(encoded.indices.to_numpy(zero_copy_only=False), dtype=np.int64)
+                values = _values(column, np.float64)
+                if ((values == np.round(values)) & (np.abs(values) < 2.0**53)).all():
+                    column = column.cast(pa.int64())
+            encoded = column.cast(pa.large_string()).combine_chunks().dictionary_encode()
+            texts = [str(text) for text in encoded.dictionary.to_pylist()]
+            rows = _values(encoded.indices, np.int32)
         except (pa.ArrowException, ValueError, TypeError):
             raise InputError(f"{self.file}: the column {name} is no text; correct it") from None
-        return texts, rows
+        if np.isnan(rows).any():
+            texts = texts if "" in texts else [*texts, ""]
+            rows[np.isnan(rows)] = texts.index("")
+        return tuple(texts), rows.astype(np.int64)
+
+
+def _values(column: pa.ChunkedArray | pa.Array, kind: type[np.float64 | np.int32]) -> Floats:
+    """A column of Arrow as numbers, nan where it has nothing. Its own method imports pandas, which takes a second."""
+    array = column.combine_chunks() if hasattr(column, "chunks") else column
+    if kind is np.float64 and str(array.type) != "double":
+        array = array.cast("double")
+    n = len(array)
+    if n == 0:
+        return np.zeros(0)
+    validity, content = array.buffers()
+    size = np.dtype(kind).itemsize
+    values = np.frombuffer(content, dtype=kind, count=n, offset=size * array.offset).astype(np.float64)
+    if validity is not None:
+        bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")
+        values[bits[array.offset : array.offset + n] == 0] = np.nan
+    return values
 
 
 def foreign_table(data: bytes, file: str, columns: Sequence[str] = ()) -> ForeignTable:

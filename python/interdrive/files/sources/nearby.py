@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats, Ints
 
 #: Pairs that are looked at together.
-_MOST_PAIRS = 1_000_000
+_MOST_PAIRS = 100_000
 #: From a cell to itself and those around it.
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
 
