@@ -1,5 +1,6 @@
 """The scenarios that come with the package: sound roads, plausible traffic, no contacts."""
 
+import os
 import subprocess
 import sys
 import zlib
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from interdrive.errors import InputError
-from interdrive.files import read_scenario, scenario_file, shipped_scenario, shipped_scenarios
+from interdrive.files import read_scenario, scenario_file, scenario_folders, shipped_scenario, shipped_scenarios
 from interdrive.scenario.inspection import candidates, lanelets_at
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -68,6 +69,21 @@ def test_a_name_means_a_file_then_a_shipped_scenario_then_one_of_the_folder_of_s
         scenario_file("zip")
     with pytest.raises(InputError, match=r"^hihgway: no such file, did you mean the shipped scenario highway"):
         scenario_file("hihgway")
+
+
+def test_several_folders_of_scenarios_are_searched_in_their_order(tmp_path, monkeypatch):
+    mine, yours = tmp_path / "mine", tmp_path / "yours"
+    monkeypatch.setenv("INTERDRIVE_SCENARIOS", os.pathsep.join(["", str(mine), str(yours)]))
+    for path in (mine / "merge" / "zip.xml", yours / "merge" / "zip.xml", yours / "gap.xml"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+    assert scenario_folders() == (mine, yours)
+    assert scenario_file("gap") == yours / "gap.xml"
+    assert scenario_file("merge/zip.xml") == mine / "merge" / "zip.xml", "a path from a folder on means the first"
+    with pytest.raises(InputError, match=rf"^zip: several files below {mine} and {yours} have this name: {mine}/merge"):
+        scenario_file("zip")
+    monkeypatch.setenv("INTERDRIVE_SCENARIOS", "")
+    assert scenario_folders() == ()
 
 
 def test_another_name_is_refused_with_the_list():

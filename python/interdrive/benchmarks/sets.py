@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,13 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from interdrive.errors import InputError
-from interdrive.files import content_of_file, shipped_scenario, shipped_scenarios
+from interdrive.files import content_of_file, scenario_folders, shipped_scenario, shipped_scenarios
 
 #: Splits: what claims are made on, what planners are tuned on, both.
 SPLITS = ("test", "dev", "all")
-
-#: Where files are looked for if no folder is given.
-VARIABLE = "INTERDRIVE_SCENARIOS"
 
 _ENDINGS = (".xml", ".pb")
 
@@ -112,18 +108,17 @@ def find_files(wanted: tuple[SetFile, ...], folder: str | Path | None) -> tuple[
 
     Args:
         wanted: What is looked for.
-        folder: Searched with all folders below; by default that of the variable `INTERDRIVE_SCENARIOS`. Shipped
-            scenarios are always found.
+        folder: Searched with all folders below, or several with the separator of PATH between them; by default those of
+            the variable `INTERDRIVE_SCENARIOS`. Shipped scenarios are always found.
 
     Raises:
-        InputError: The folder does not exist.
+        InputError: A folder does not exist.
     """
-    given = folder or os.environ.get(VARIABLE)
     paths = [shipped_scenario(name) for name in shipped_scenarios()]
-    if given:
-        if not Path(given).is_dir():
+    for given in scenario_folders(folder):
+        if not given.is_dir():
             raise InputError(f"{given}: no such folder; benchmark files are looked for below it")
-        paths += sorted(path for path in Path(given).rglob("*") if path.suffix in _ENDINGS)
+        paths += sorted(path for path in given.rglob("*") if path.suffix in _ENDINGS)
     names = {file.name for file in wanted}
     found: dict[str, Path] = {}
     others: dict[str, Path] = {}

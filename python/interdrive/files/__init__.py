@@ -13,7 +13,14 @@ from interdrive.files.read import (
     scenario_parts,
 )
 from interdrive.files.scenario_file import road_losses, write_scenario
-from interdrive.files.shipped import FOLDER_VARIABLE, scenario_file, shipped_scenario, shipped_scenarios
+from interdrive.files.shipped import (
+    FOLDER_VARIABLE,
+    recorded_scenario,
+    scenario_file,
+    scenario_folders,
+    shipped_scenario,
+    shipped_scenarios,
+)
 from interdrive.files.sources import content_sha256
 from interdrive.files.tracks_export import run_tracks
 from interdrive.files.write import CommonRoadObjects, commonroad_objects, run_document, scenario_document
@@ -31,11 +38,13 @@ __all__ = [
     "open_scenario",
     "read_scenario",
     "read_source",
+    "recorded_scenario",
     "road_losses",
     "run_document",
     "run_tracks",
     "scenario_document",
     "scenario_file",
+    "scenario_folders",
     "scenario_from_commonroad",
     "scenario_parts",
     "shipped_scenario",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from interdrive.errors import InputError
-from interdrive.files import FOLDER_VARIABLE, shipped_scenario
+from interdrive.files import FOLDER_VARIABLE, recorded_scenario, scenario_folders, shipped_scenario
 
 
 @dataclass(frozen=True)
@@ -47,24 +46,27 @@ STUDIES = {
 def known_cases(name: str) -> tuple[tuple[Case, ...], tuple[str, ...]]:
     """The cases of the study `name` with the paths of their files, and notes for the user.
 
-    Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names; if it
+    Recorded scenarios are looked for below the folders that the environment variable INTERDRIVE_SCENARIOS names; if it
     is not set, the study consists of the shipped scenario alone.
 
     Raises:
-        InputError: No such study, or the folder does not hold the scenario.
+        InputError: No such study, or no folder holds the scenario.
     """
     if name not in STUDIES:
         raise InputError(f"no study '{name}'; there are {', '.join(STUDIES)}")
-    folder = os.environ.get(FOLDER_VARIABLE)
+    folders = scenario_folders()
     cases = []
     left_out: dict[str, None] = {}
     for case in STUDIES[name]:
         if case.is_shipped:
-            path = shipped_scenario(case.scenario)
-        elif folder:
-            path = Path(folder) / case.scenario
-            if not path.is_file():
-                raise InputError(f"{path}: no such file; {FOLDER_VARIABLE} must name the folder of recorded scenarios")
+            path: Path | None = shipped_scenario(case.scenario)
+        elif folders:
+            path = recorded_scenario(case.scenario)
+            if path is None:
+                wanted = folders[-1] / case.scenario
+                raise InputError(
+                    f"{wanted}: no such file; {FOLDER_VARIABLE} must name the folder of recorded scenarios"
+                )
         else:
             left_out[case.scenario] = None
             continue

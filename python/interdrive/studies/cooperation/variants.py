@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from interdrive.files import FOLDER_VARIABLE, shipped_scenario
+from interdrive.files import FOLDER_VARIABLE, recorded_scenario, scenario_folders, shipped_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -114,15 +114,16 @@ def cooperation_variants(*, quick: bool = False) -> tuple[Variant, ...]:
 def cooperation_files(*, quick: bool = False) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """The scenarios of the study, and what the user should know about them.
 
-    Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names.
+    Recorded scenarios are looked for below the folders that the environment variable INTERDRIVE_SCENARIOS names.
     """
     shipped: Sequence[str] = SHIPPED[:1] if quick else SHIPPED
     files = [shipped_scenario(name) for name in shipped]
-    folder = os.environ.get(FOLDER_VARIABLE)
+    folders = scenario_folders()
     if quick:
         return tuple(files), ()
-    if not folder:
+    if not folders:
         return tuple(files), (f"{FOLDER_VARIABLE} names no folder: shipped scenarios only",)
-    recorded = [Path(folder) / name for name in RECORDED]
-    missing = [f"{path.name}: not in {folder}, left out" for path in recorded if not path.is_file()]
-    return (*files, *(path for path in recorded if path.is_file())), tuple(missing)
+    recorded = {name: recorded_scenario(name) for name in RECORDED}
+    where = os.pathsep.join(map(str, folders))
+    missing = [f"{Path(name).name}: not in {where}, left out" for name, path in recorded.items() if path is None]
+    return (*files, *(path for path in recorded.values() if path is not None)), tuple(missing)

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from interdrive.files import FOLDER_VARIABLE, shipped_scenario
+from interdrive.files import FOLDER_VARIABLE, recorded_scenario, scenario_folders, shipped_scenario
 
 #: Numbers of agents in the four scenarios; all of them come on top.
 COUNTS = (1, 2, 4, 8, 16, 24)
@@ -47,22 +47,22 @@ def runtime_cases(
 ) -> tuple[tuple[RuntimeCase, ...], tuple[str, ...]]:
     """The four scenarios, the highway once more with `neural`, and the town; and what the user should know about them.
 
-    Recorded scenarios are looked for below the folder that the environment variable INTERDRIVE_SCENARIOS names; shipped
-    ones stand in for missing ones.
+    Recorded scenarios are looked for below the folders that the environment variable INTERDRIVE_SCENARIOS names;
+    shipped ones stand in for missing ones.
 
     Args:
         counts: Numbers of agents in the four scenarios.
         town_counts: Numbers of agents in the town; none: it is left out.
         to_all: Go on to all agents of the four scenarios.
     """
-    folder = os.environ.get(FOLDER_VARIABLE)
+    folders = os.pathsep.join(map(str, scenario_folders()))
     ends: tuple[int | None, ...] = (None,) if to_all else ()
     cases, notes = [], []
     for kind, file, shipped in _FOUR:
-        path = Path(folder) / file if folder else None
-        if path is None or not path.is_file():
+        path = recorded_scenario(file)
+        if path is None:
             stands_in = f"shipped {shipped} instead" if shipped else "left out"
-            why = f"it is not in {folder}" if folder else f"{FOLDER_VARIABLE} names no folder"
+            why = f"it is not in {folders}" if folders else f"{FOLDER_VARIABLE} names no folder"
             notes.append(f"{Path(file).stem}: {why}; {stands_in}")
             path = shipped_scenario(shipped) if shipped else None
         if path is not None:
