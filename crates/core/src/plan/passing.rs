@@ -1,7 +1,6 @@
 //! Obstructions that are passed, and the side on which there is room.
 
 mod detour;
-mod oncoming;
 
 use std::cell::OnceCell;
 
@@ -64,7 +63,7 @@ impl Obstructions {
         let near = front + reach(velocity);
         let (mut found, mut leaders, mut blocks) = (Self::default(), Vec::new(), Vec::new());
         for other in request.others {
-            let Some((standing, velocity)) = Standing::of(other, request, place) else { continue };
+            let Some((standing, velocity)) = Standing::of(other, request, place, 0.0) else { continue };
             let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
             match passage {
                 Some(Passage::Here(offset)) if standing.rear < near => found.beside.push(offset),
@@ -74,11 +73,11 @@ impl Obstructions {
             }
         }
         let Some(detour) = Detour::past(&mut blocks, request.vehicle.length) else { return found };
-        // Where the agent has to stop there is no room to return, as behind a leader that stands.
+        // Where the agent has to stop there is no room to return, as behind a leader that stands; before it may enter a
+        // narrow place it does not move over.
         let stops = request.barriers(request.rules.way, s);
-        leaders.extend(
-            stops.iter().filter(|one| one.until.is_infinite()).map(|one| Leader { rear: one.s, velocity: 0.0 }),
-        );
+        let counts = |one: &&Barrier| one.until.is_infinite() || one.s < detour.rear();
+        leaders.extend(stops.iter().filter(counts).map(|one| Leader { rear: one.s, velocity: 0.0 }));
         match detour.wait(request, place, &leaders, (deceleration, gap)) {
             Some(leader) => {
                 found.wait = Some(Barrier::lasting(leader.rear - gap + LINE_GAP, BarrierReason::Yield));
@@ -88,6 +87,27 @@ impl Obstructions {
         }
         found
     }
+}
+
+/// Arc lengths between which things stand that an agent has to pass over the lane of the other direction, or is passing
+/// now, with its rear axle at an arc length [m].
+pub(crate) fn narrow_place(request: &PlanRequest, s: f64) -> Option<(f64, f64)> {
+    let d = request.route.path.project_near(request.state.pose().position, s, SWING_LENGTH)?.1;
+    let place = Place { s, d, velocity: request.state.velocity };
+    let block = |other: &Other| {
+        let (standing, velocity) = Standing::of(other, request, &place, request.vehicle.length + SWING_LENGTH)?;
+        match standing.passage(other, request, OFFSET_MAX).filter(|_| velocity == 0.0)? {
+            Passage::Opposite(offset) => Some((standing.rear, standing.front, offset)),
+            Passage::Here(_) => None,
+        }
+    };
+    let mut blocks: Vec<(f64, f64, f64)> = request.others.iter().filter_map(block).collect();
+    Detour::past(&mut blocks, request.vehicle.length).map(|detour| detour.stretch())
+}
+
+/// Something stands there that vehicles can pass.
+pub(crate) fn stands(other: &Other) -> bool {
+    (other.is_static || other.velocity.abs() < STATIONARY_SPEED) && !is_person(other)
 }
 
 /// An obstruction, along and across the path.
@@ -113,9 +133,9 @@ pub(super) enum Passage {
 }
 
 impl Standing {
-    /// A participant that stands or moves along the path ahead, at least partly in the way, and its speed [m/s], 0 if it
-    /// stands. Structures of several parts are no leaders.
-    fn of(other: &Other, request: &PlanRequest, place: &Place) -> Option<(Self, f64)> {
+    /// A participant that stands or moves along the path ahead, or this far behind [m], at least partly in the way, and its
+    /// speed [m/s], 0 if it stands. Structures of several parts are no leaders.
+    fn of(other: &Other, request: &PlanRequest, place: &Place, behind: f64) -> Option<(Self, f64)> {
         if other.is_static && other.shape.parts().len() > 1 {
             return None;
         }
@@ -126,7 +146,7 @@ impl Standing {
         if distance > reach + body.half_length + body.half_width {
             return None;
         }
-        let (at, d) = path.project_near(body.center, place.s + 0.5 * distance, 0.5 * distance + 10.0)?;
+        let (at, d) = path.project_near(body.center, place.s + 0.5 * distance, 0.5 * distance + 10.0 + behind)?;
         let tangent = path.at(at).tangent();
         let (cos, sin) = (tangent.dot(body.axis), tangent.cross(body.axis));
         let half_s = body.half_length * cos.abs() + body.half_width * sin.abs();
@@ -134,7 +154,7 @@ impl Standing {
         let side = 0.5 * vehicle.width + SIDE_ROOM;
         let is_beside = d - half_d > place.d.max(0.0) + side || d + half_d < place.d.min(0.0) - side;
         let stands = other.is_static || other.velocity.abs() < STATIONARY_SPEED;
-        if is_beside || at < place.s + vehicle.rear_axle_to_center || !(stands || other.leads(cos)) {
+        if is_beside || at < place.s + vehicle.rear_axle_to_center - behind || !(stands || other.leads(cos)) {
             return None;
         }
         let velocity = if stands { 0.0 } else { other.velocity_along(cos) };

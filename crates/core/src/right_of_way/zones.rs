@@ -67,8 +67,8 @@ impl Zone {
         Self { area: index, side, entry, exit, kind, first, width, has_sign, junction }
     }
 
-    /// Between the ways that two agents tell each other; the first to arrive goes first.
-    pub(crate) fn told(number: usize, side: usize, (entry, exit): (f64, f64)) -> Self {
+    /// Of two agents whose ways share ground beyond the areas of the map; the first to arrive goes first.
+    pub(crate) fn between(number: usize, side: usize, (entry, exit): (f64, f64)) -> Self {
         let (kind, width) = (AreaKind::Cross, f64::INFINITY);
         Self { area: number, side, entry, exit, kind, first: None, width, has_sign: false, junction: number }
     }

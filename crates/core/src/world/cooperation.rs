@@ -75,7 +75,7 @@ impl Drive {
         strip(&(0..=(length + ahead).ceil() as usize).map(at).collect::<Vec<_>>(), width)
     }
 
-    fn limited_way(&self) -> (&Route, &SpeedLimits, &Vehicle) {
+    pub(super) fn limited_way(&self) -> (&Route, &SpeedLimits, &Vehicle) {
         (&self.agent.route, &self.way.limits, &self.agent.vehicle)
     }
 }
@@ -346,8 +346,8 @@ impl World {
                 let (area, side) =
                     (self.scenario.junctions().areas.len() + sender, usize::from(drive.agent.id > other.agent.id));
                 one.crossing = crossed.map(|[(first, last), (enters, leaves)]| {
-                    let own = Zone::told(area, side, (rear + first as f64, rear + last as f64));
-                    [own, Zone::told(area, 1 - side, (there(enters), there(leaves)))]
+                    let own = Zone::between(area, side, (rear + first as f64, rear + last as f64));
+                    [own, Zone::between(area, 1 - side, (there(enters), there(leaves)))]
                 });
             }
             if is_public && one.crossing.is_none() {

@@ -6,6 +6,7 @@ mod cooperation;
 mod entry;
 mod ordering;
 mod people;
+mod narrow_places;
 mod planning;
 mod settings;
 mod staging;

@@ -1,5 +1,6 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
+use super::planning::Crowd;
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, reverses};
@@ -125,7 +126,7 @@ impl World {
             let velocity = self.states[drive.row].map_or(0.0, |state| state.velocity);
             drive.course.is_near(drive.front(), velocity, drive.agent.vehicle.length)
         };
-        if !self.agrees() && !driving().any(is_near) {
+        if !self.agrees() && !driving().any(is_near) && !self.may_pass_from_both_ends() {
             return Vec::new();
         }
         let scene = self.scene_with_past(PAST);
@@ -171,6 +172,7 @@ impl World {
             let sees = |body: usize| seen[place].binary_search(&place_of[body]).is_ok();
             unseen[place] = self.unseen(&scene, drive, goes_last[place], &sees, (&bodies, &rows));
         }
+        let narrow = self.narrow_courses(&Crowd::of(&scene), &obeying, &seen);
         let travellers: Vec<Traveller<'_>> = obeying
             .iter()
             .enumerate()
@@ -180,7 +182,7 @@ impl World {
                     body: place,
                     width: drive.agent.vehicle.width,
                     front: drive.front(),
-                    course: &drive.course,
+                    course: narrow.get(&place).unwrap_or(&drive.course),
                     settings: &drive.agent.rules,
                     memory: drive.memory,
                     line: self.line(drive),
@@ -308,7 +310,8 @@ impl Drive {
         // Those that are not of the map have numbers beyond.
         let known = if before.passage < self.course.passages.len() { before.passage } else { 0 };
         let first = first.max(known + usize::from(before.has_entered));
-        let new = self.course.passages.iter().enumerate().take(now.passage.saturating_add(1)).skip(first);
+        let last = if now.passage < self.course.passages.len() { now.passage + 1 } else { 0 };
+        let new = self.course.passages.iter().enumerate().take(last).skip(first);
         new.flat_map(move |(number, passage)| {
             let granted = number != before.passage || before.granted != Some(false);
             let areas = passage.zones.iter().map(|zone| zone.area as i64);

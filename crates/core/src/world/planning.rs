@@ -201,7 +201,7 @@ impl World {
         self.request_with(drive, others, expected, self.rules(drive))
     }
 
-    fn request_with<'a>(
+    pub(super) fn request_with<'a>(
         &'a self,
         drive: &'a Drive,
         others: &'a [Other<'a>],
@@ -234,15 +234,15 @@ impl World {
 }
 
 /// All participants present, as planners see them, and what agents were told.
-struct Crowd<'a> {
+pub(super) struct Crowd<'a> {
     /// One per row of the predictions.
     positions: Vec<Point>,
-    all: Vec<Other<'a>>,
+    pub(super) all: Vec<Other<'a>>,
     told: Option<&'a SharedPredictions>,
 }
 
 impl<'a> Crowd<'a> {
-    fn of(scene: &'a Scene) -> Self {
+    pub(super) fn of(scene: &'a Scene) -> Self {
         let participants = &scene.participants;
         let other = |(place, row): (usize, &usize)| Other {
             row: place,

@@ -1,19 +1,18 @@
 //! When the lane of the other direction is free to pass what stands.
 
-use super::super::PlanRequest;
-use super::oncoming::{OpposingLane, Passer, Priority, distance, speeds};
-use super::{CLEARANCES, LEAD, Place, ROOM_STEP, SWING_LENGTH, Section, reach};
+use super::super::car_following::LEADER_HEADING_COSINE;
+use super::super::{Other, PlanRequest};
+use super::{CLEARANCES, LEAD, Place, ROOM_STEP, SWING_LENGTH, Section, is_parked, reach};
 use crate::conduct::STATIONARY_SPEED;
+use crate::geometry::Point;
 use crate::rules::{EARLY_ACCELERATION, travel_time};
 
 /// Least time between leaving the oncoming lane and the next oncoming vehicle [s]; less if the agent is already on its
 /// way.
 const GAP: f64 = 2.0;
 const GAP_UNDER_WAY: f64 = 0.5;
-/// Distance behind the obstruction at which an agent waits [m]: from there it can swing out, and a vehicle that passes
-/// from the other end can return before it.
+/// Distance behind the obstruction at which an agent waits [m]: from there it can swing out.
 const WAITING_GAP: f64 = 7.0;
-const YIELDING_GAP: f64 = 11.0;
 /// An agent that passes over the other lane accelerates at least so [m/s²], up to this speed [m/s].
 const ACCELERATION: f64 = 1.0;
 const SPEED: f64 = 6.0;
@@ -23,6 +22,10 @@ const UNDER_WAY: f64 = 0.3;
 const SIGHT: f64 = 250.0;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
+/// Modes that are less probable do not count.
+const PROBABILITY_MIN: f64 = 0.2;
+/// Largest offset of an oncoming vehicle from its lane while it passes something itself [m].
+const PASSING_OFFSET: f64 = 2.0;
 
 /// A participant that the agent follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,15 +34,6 @@ pub(in crate::plan) struct Leader {
     pub(in crate::plan) rear: f64,
     /// Its speed along the path [m/s], not negative.
     pub(in crate::plan) velocity: f64,
-}
-
-/// What comes on the lane of the other direction.
-enum Oncoming {
-    None,
-    /// A vehicle that the agent would meet.
-    Meets,
-    /// A vehicle whose turn it is to pass something that ends, for it, at an arc length [m].
-    GoesFirst(f64),
 }
 
 /// All that stands in a row and is passed over the lane of the other direction.
@@ -79,6 +73,11 @@ impl Detour {
         self.rear
     }
 
+    /// Arc lengths between which it stands [m].
+    pub(in crate::plan) fn stretch(&self) -> (f64, f64) {
+        (self.rear, self.front)
+    }
+
     /// What the agent follows at a gap [m] until it may pass; `None` if it may pass now. It depends on nothing but what the
     /// agent sees: once beside what stands, or too fast to stop before it, the agent goes on; when it has begun to move
     /// over, smaller gaps suffice.
@@ -108,12 +107,11 @@ impl Detour {
         let is_held =
             leaders.iter().any(|leader| leader.rear < self.rear || leader.rear + leader.velocity * leave < room);
         let reserve = if is_under_way { GAP_UNDER_WAY } else { GAP };
-        let passer = Passer::agent(request, self.offset.signum(), self.rear - front);
-        match self.oncoming(request, &passer, (from, to), (enter, leave + reserve), deceleration) {
-            Oncoming::GoesFirst(end) => behind(self.rear.min(end), YIELDING_GAP),
-            Oncoming::None if !is_held && !self.is_blocked(request) => None,
-            _ => behind(self.rear, WAITING_GAP),
+        let has_room = !is_held && !self.is_blocked(request);
+        if has_room && !self.meets_oncoming(request, (from, to), (enter, leave + reserve)) {
+            return None;
         }
+        behind(self.rear, WAITING_GAP)
     }
 
     /// Something else stands where the agent would pass.
@@ -136,33 +134,15 @@ impl Detour {
         })
     }
 
-    /// Whether an oncoming vehicle goes first, or is on the stretch of its lane beside the path at the time [s].
-    fn oncoming(
-        &self,
-        request: &PlanRequest,
-        passer: &Passer,
-        (from, to): (f64, f64),
-        (enter, leave): (f64, f64),
-        deceleration: f64,
-    ) -> Oncoming {
+    /// An oncoming vehicle is on the stretch of its lane beside the path at the time [s].
+    fn meets_oncoming(&self, request: &PlanRequest, (from, to): (f64, f64), (enter, leave): (f64, f64)) -> bool {
         let entries = self.entries(request, (from, to));
-        let lane = OpposingLane { request, entries: &entries, own: (self.rear - to, self.front - to), deceleration };
-        let mut found = Oncoming::None;
-        for other in request.others.iter().filter(|other| !other.is_static) {
-            let Some(distance) = distance(other, request, &entries) else { continue };
-            match lane.order(other, passer) {
-                Priority::First(end) => return Oncoming::GoesFirst(to + end),
-                Priority::Waits => continue,
-                Priority::None => {}
-            }
+        request.others.iter().filter(|other| !is_parked(other)).any(|other| {
+            let Some(distance) = distance(other, request, &entries) else { return false };
             let half = other.shape.oriented_box(other.pose).half_length;
             let (arrives, leaves) = (distance - half, distance + (to - from) + half);
-            let mut speeds = speeds(other, request);
-            if leaves > 0.0 && speeds.any(|speed| arrives < speed * leave && leaves > speed * enter) {
-                found = Oncoming::Meets;
-            }
-        }
-        found
+            leaves > 0.0 && speeds(other, request).any(|speed| arrives < speed * leave && leaves > speed * enter)
+        })
     }
 
     /// Oncoming lanelets beside the path and their predecessors, with the arc length on each, beyond the end of
@@ -193,4 +173,39 @@ impl Detour {
         }
         found
     }
+}
+
+/// How far the middle of an oncoming vehicle has to go to a stretch of its lane [m], negative behind its beginning.
+fn distance(other: &Other, request: &PlanRequest, entries: &[(usize, f64)]) -> Option<f64> {
+    let road = request.road;
+    let axis = Point::from_angle(other.pose.orientation) * if other.velocity < 0.0 { -1.0 } else { 1.0 };
+    let here = road.lanelets_near(other.pose.position, PASSING_OFFSET);
+    let entries = entries.iter().filter(|(lanelet, _)| here.binary_search(lanelet).is_ok());
+    let along = entries.filter_map(|(lanelet, entry)| {
+        let foot = road.lanelets()[*lanelet].center.project(other.pose.position).s;
+        let leads = Point::from_angle(road.heading_at(*lanelet, foot)).dot(axis) > LEADER_HEADING_COSINE;
+        leads.then_some(entry - foot)
+    });
+    along.reduce(f64::min)
+}
+
+/// Its speed in the mean over each of its predicted modes, and now [m/s], unless it is expected to come to rest.
+fn speeds(other: &Other, request: &PlanRequest) -> impl Iterator<Item = f64> {
+    let predictions = request.predictions;
+    let (row, from) = (other.row, other.pose.position);
+    let mean = move |mode: usize| {
+        if predictions.probability[row * predictions.n_modes + mode] < PROBABILITY_MIN {
+            return None;
+        }
+        let first = predictions.offset(row, mode);
+        let last = (0..predictions.n_steps).rev().find(|step| predictions.valid[first + step])?;
+        let place = Point::new(predictions.x[first + last], predictions.y[first + last]);
+        let steps = predictions.time_step + last as i64 + 1 - request.time_step;
+        let stops = predictions.velocity[first + last].abs() < STATIONARY_SPEED;
+        (steps > 0).then(|| (from.distance(place) / (steps as f64 * request.dt), stops))
+    };
+    let modes = move || (0..predictions.n_modes).filter_map(mean);
+    let stops = modes().next().is_some() && modes().all(|(_, stops)| stops);
+    let now = (!stops).then(|| other.velocity.abs());
+    now.into_iter().chain(modes().map(|(speed, _)| speed))
 }
