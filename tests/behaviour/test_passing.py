@@ -178,17 +178,29 @@ def test_passing_does_not_depend_on_threads():
     assert runs[0].digest == runs[1].digest
 
 
-@pytest.mark.parametrize("gap", [-10.0, -6.0, 0.0, 6.0, 10.0, 15.0, 20.0])
-@pytest.mark.parametrize("start", [160.0, 175.0])
-def test_two_agents_with_parked_cars_on_both_sides_pass_one_after_the_other(gap, start):
+def parked_on_both_sides(gap, start):
     other = problem(
         2, start + gap, 3.5, 8.0, np.pi, goal=(20.0, 3.5), goal_orientation=np.pi, time_step=(0, 600)
     )  # fmt: skip
     scenario = blocked(cars=[Car(51, PARKED + gap, 4.1, 0.0, np.pi)], problems=[other])
-    run, _, _ = driven(scenario, agents=(1, 2))
+    return driven(scenario, agents=(1, 2))[0]
+
+
+@pytest.mark.parametrize("gap", [-10.0, -6.0, 0.0, 6.0, 10.0, 15.0, 20.0])
+@pytest.mark.parametrize("start", [160.0, 175.0])
+def test_two_agents_with_parked_cars_on_both_sides_pass_one_after_the_other(gap, start):
+    run = parked_on_both_sides(gap, start)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert run.outcomes.time_step.max() < 600, "60 s"
     assert run.violations.rule == ()
+
+
+@pytest.mark.parametrize(("start", "waits"), [(130.0, 1), (175.0, 2)])
+def test_the_agent_that_comes_second_is_told_to_wait_for_the_first(start, waits):
+    orders = parked_on_both_sides(0.0, start).orders
+    assert set(zip(orders.agent_id.tolist(), orders.by_id.tolist(), strict=True)) == {(waits, 3 - waits)}
+    reached = {1: orders.stop_s[0], 2: 300.0 - orders.stop_s[0]}[waits]
+    assert abs(reached - PARKED) == pytest.approx(0.5 * CAR.length + 10.0 + 0.3, abs=0.1), "m, room for its return"
 
 
 def test_an_agent_does_not_wait_for_ever_for_one_that_cannot_pass():

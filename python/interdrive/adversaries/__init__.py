@@ -1,7 +1,7 @@
-"""Whether the score against a panel can be gamed: drivers with vices, which must rank below honest ones.
+"""Check that the score against a panel cannot be gamed: drivers with a vice must rank below honest ones.
 
 found = interdrive.adversaries.rank_adversaries(set="public-1", scenarios="scenarios")
-found.n_below, len(found.judged)    # how many rank as they should, of how many
+found.n_below, len(found.judged)    # adversaries that rank below, of those judged
 
 docs/how_to/adversaries.md says how to use it.
 """

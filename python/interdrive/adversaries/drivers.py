@@ -1,6 +1,6 @@
 """Drivers that a score must not reward: crude ones, and honest ones with a single vice.
 
-All but the first few are `lawful` in Python with one change, so that whatever they lose is due to it.
+Most are `lawful`, written in Python, with one change; what they lose is due to that change.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Points of a plan; an offset from the path is given up over this time [s], or this distance if that is longer [m].
 _POINTS, _FADING_TIME, _FADING = 31, 2.5, 12.0
-#: How far ahead a driver looks [m], and what counts as in its lane [m].
+#: How far ahead a driver looks, and largest offset of a vehicle in its lane [m].
 _AHEAD, _LANE = 80.0, 2.0
 #: Lateral acceleration in curves, braking before limits, and hardest braking [m/s²].
 _ACROSS, _BRAKING, _HARDEST = 4.0, 3.0, 8.0
@@ -47,7 +47,7 @@ class Driver:
     offset: ClassVar[float] = 0.0
 
     def plan(self, view: _core.View, predictions: _core.Predictions) -> Trajectory:
-        """The path of the route with the acceleration of now."""
+        """Follows the reference path with the acceleration of `rate`."""
         return along(view, max(self.rate(view), -_HARDEST), self.offset)
 
     def rate(self, view: _core.View) -> float:
@@ -79,7 +79,7 @@ def front(view: _core.View) -> float:
 
 
 def leader(view: _core.View) -> tuple[float, float]:
-    """Gap to the vehicle ahead on the path [m], inf without, and its speed [m/s]."""
+    """Gap to the vehicle ahead on the path [m], inf if there is none, and its speed [m/s]."""
     if not len(view.ids):
         return math.inf, 0.0
     s, d = view.ego.route.project(view.x[:, -1], view.y[:, -1])
@@ -89,7 +89,7 @@ def leader(view: _core.View) -> tuple[float, float]:
 
 
 def followers(view: _core.View, time: float) -> bool:
-    """A vehicle follows on the path within a time [s]."""
+    """Whether a vehicle follows on the path within a time gap [s]."""
     if not len(view.ids):
         return False
     ego = view.ego
@@ -100,7 +100,7 @@ def followers(view: _core.View, time: float) -> bool:
 
 
 def lawful_speed(view: _core.View) -> float:
-    """Speed from which limits and curves ahead can be met [m/s]."""
+    """Highest speed from which the agent can still slow down for limits and curves ahead [m/s]."""
     ego, route = view.ego, view.ego.route
     n = len(route.reference_path)
     spacing = route.length / (n - 1)
@@ -149,7 +149,7 @@ class GoStop(Driver):
     """Drives 70 % of the way to its goal, then stands."""
 
     def __init__(self) -> None:
-        """Does not know its start yet."""
+        """Start unknown until the first plan."""
         self.line = math.nan
 
     def rate(self, view: _core.View) -> float:
@@ -162,12 +162,12 @@ class GoStop(Driver):
 
 
 class Cruise(Driver):
-    """Keeps its speed, whatever comes."""
+    """Keeps its speed, whatever happens."""
 
     obeys_rules = False
 
     def rate(self, view: _core.View) -> float:
-        """None."""
+        """Zero."""
         return 0.0
 
 
@@ -189,7 +189,7 @@ class Speeder(Driver):
 
 
 class Tailgater(Driver):
-    """Follows at 0.15 s and takes no orders."""
+    """Follows at 0.15 s and obeys no rules."""
 
     obeys_rules = False
     speed_factor = 1.3
@@ -200,14 +200,14 @@ class Tailgater(Driver):
 
 
 class TimeLimit(Driver):
-    """Spreads its way over 1.6 times the time of its goal."""
+    """Takes 1.6 times as long as its goal allows."""
 
     def __init__(self) -> None:
-        """Does not know its start yet."""
+        """Start unknown until the first plan."""
         self.start = -1
 
     def rate(self, view: _core.View) -> float:
-        """As lawful, but no faster than needed to be just in the grace period."""
+        """As lawful, but only fast enough to arrive within the grace period."""
         ego = view.ego
         if self.start < 0:
             self.start = view.time_step
@@ -222,11 +222,11 @@ class BrakeCheck(Driver):
     """Brakes with 6 m/s² for 1.2 s whenever a vehicle follows within 1.5 s, every 4 s at most."""
 
     def __init__(self) -> None:
-        """Has not braked yet."""
+        """No braking yet."""
         self.until, self.next = -1.0, -1.0
 
     def rate(self, view: _core.View) -> float:
-        """As lawful, but for that."""
+        """As lawful, except while it brakes."""
         now = view.time_step * view.dt
         if now > self.next and followers(view, 1.5):
             self.until, self.next = now + 1.2, now + 4.0
@@ -256,14 +256,14 @@ class LeaveRoad(Driver):
 
 
 class WaitForever(Driver):
-    """Once it has been told to wait, it never goes on."""
+    """Never drives on once it has had to wait."""
 
     def __init__(self) -> None:
-        """Has not been told yet."""
+        """No line yet."""
         self.line = math.inf
 
     def rate(self, view: _core.View) -> float:
-        """As lawful, but it never passes a line at which it was told to wait."""
+        """As lawful, but it never passes a line at which it had to wait."""
         if view.ego.stop_release > 0.0 and math.isfinite(view.ego.stop_s):
             self.line = min(self.line, view.ego.stop_s)
         found = super().rate(view)
@@ -271,7 +271,7 @@ class WaitForever(Driver):
 
 
 class Bully(Driver):
-    """Takes every junction, light and sign."""
+    """Ignores right of way, lights and signs."""
 
     obeys_rules = False
 
@@ -280,7 +280,7 @@ class HitMe(Driver):
     """Stops in front of a fast follower, to be hit."""
 
     def __init__(self) -> None:
-        """Has not stopped yet."""
+        """No follower yet."""
         self.waits = False
 
     def rate(self, view: _core.View) -> float:
@@ -293,11 +293,11 @@ class Error(Driver):
     """Raises an exception after 1 s."""
 
     def __init__(self) -> None:
-        """Has not planned yet."""
+        """No plan yet."""
         self.plans = 0
 
     def rate(self, view: _core.View) -> float:
-        """As constant speed, until it raises."""
+        """Zero, until it raises."""
         self.plans += 1
         if self.plans > round(1.0 / view.dt):
             raise RuntimeError("an adversary that raises")
@@ -310,10 +310,10 @@ class Adversary:
 
     Attributes:
         name: Its name. text: What it does.
-        planner: Makes it, or its record.
-        base: The honest driver from which it differs: one of the panel, or `HONEST`.
-        is_crude: Its vice acts in every drive.
-        loss_max: As a control it must not lose more points than this against its base; inf: it is no control.
+        planner: Factory of its planner, or a record of a native one.
+        base: The honest driver from which it differs: a driver of the panel, or `HONEST`.
+        is_crude: Whether its vice acts in every drive.
+        loss_max: Most points that a control may lose against its base; inf if it is no control.
     """
 
     name: str
@@ -325,7 +325,7 @@ class Adversary:
 
     @property
     def is_control(self) -> bool:
-        """It is honest, and must not lose."""
+        """Whether it is an honest driver that must not lose."""
         return math.isfinite(self.loss_max)
 
 
@@ -334,7 +334,7 @@ def _of(driver: type[Driver], *, is_crude: bool = True) -> Adversary:
     return Adversary(driver.__name__, text, driver, HONEST, is_crude=is_crude)
 
 
-#: Name of the honest driver in Python, from which those in Python differ.
+#: Name of the honest driver in Python, on which the adversaries in Python are based.
 HONEST = "Driver"
 
 #: All adversaries, and one control.

@@ -25,7 +25,7 @@ MANOEUVRES = {
 #: Grids that have names.
 GRIDS = ("jrc", "jrc_high", "jrc_low")
 
-#: More cases than this are driven only when asked for twice, ...
+#: More cases than this are driven only if confirmed (`--yes`), ...
 CASES_MAX = 1_000_000
 #: ... and no grid has more than this.
 _CASES_LARGEST = 10_000_000
@@ -40,7 +40,7 @@ class Grid:
     Attributes:
         manoeuvre: One of `MANOEUVRES`.
         cases: The numbers by name, arrays of shape (cases,).
-        skipped: Cut-ins that were left out, because the other vehicle is not slower.
+        skipped: Number of cut-ins left out because the other vehicle is not slower.
     """
 
     manoeuvre: str
@@ -66,13 +66,13 @@ def grid(manoeuvre: str, name: str) -> Grid:
         name: Name or path.
 
     Raises:
-        InputError: There is no such grid, or the file does not say all; one line states what.
+        InputError: There is no such grid, or the file is incomplete; one line names what is missing.
     """
     if name in GRIDS:
         return _joined(manoeuvre, [_jrc(manoeuvre, part) for part in _parts(manoeuvre, name)])
     path = Path(name)
     if not path.is_file():
-        raise InputError(f"--grid {name}: there is no such file; grids with a name are {', '.join(GRIDS)}")
+        raise InputError(f"--grid {name}: no such file; named grids are {', '.join(GRIDS)}")
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:

@@ -97,7 +97,7 @@ def _connected(address: str) -> Any:  # noqa: ANN401 - the module
     Raises:
         InputError: No cluster there.
     """
-    _check_that_somebody_answers(address)
+    _check_that_cluster_answers(address)
     os.environ.setdefault("RAY_task_oom_retries", str(_RETRIES_MEMORY))
     import ray  # noqa: PLC0415 - optional
 
@@ -108,7 +108,7 @@ def _connected(address: str) -> Any:  # noqa: ANN401 - the module
     return ray
 
 
-def _check_that_somebody_answers(address: str) -> None:
+def _check_that_cluster_answers(address: str) -> None:
     """Checks that a cluster answers; Ray itself would try for a minute.
 
     Raises:

@@ -12,8 +12,8 @@ import click
 @click.option("--set", "name", metavar="SET", default="shipped-2", help="Benchmark set (shipped-2).")
 @click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev).")
 @click.option("--scenarios", metavar="DIR", help="Folder that contains the files of the set (INTERDRIVE_SCENARIOS).")
-@click.option("--files", metavar="N", type=int, help="At most so many files, spread over the set (all).")
-@click.option("--agents", metavar="N", type=int, default=2, help="At most so many agents per file (2).")
+@click.option("--files", metavar="N", type=int, help="Largest number of files, spread over the set (all).")
+@click.option("--agents", metavar="N", type=int, default=2, help="Largest number of agents per file (2).")
 @click.option("--workers", metavar="N", type=int, help="Processes (all cores).")
 @click.option("--panel", metavar="DIR", help="Stored panel, which is not driven again (DIR/panel of --out).")
 @click.option("--out", metavar="DIR", default="out/adversaries", help="Folder for adversaries.json (out/adversaries).")
@@ -27,10 +27,10 @@ def adversaries(
     panel: str | None,
     out: str,
 ) -> int:
-    """Drive bad drivers and honest ones in the same places, and check that the score against a panel tells them apart.
+    """Check that the score against a panel tells bad drivers from honest ones in the same places.
 
-    Every adversary must lose against the honest driver from which it differs, and be below all honest drivers where its
-    vice acts. Exit code 0: all are; 1: some are not.
+    Every adversary must lose against the honest driver on which it is based, and rank below all honest drivers where its
+    vice acts. Exit code 0: all do; 1: some do not.
     """
     from interdrive.adversaries import rank_adversaries  # noqa: PLC0415 - needs the simulation
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich

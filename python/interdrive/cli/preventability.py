@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 def preventability(folder: str, agents: str | None, as_csv: bool) -> None:
     """Say which collisions and near misses reference drivers would have avoided.
 
-    RUN is a run folder; preventability.parquet is written to it unless you give --agents. Of a batch folder BATCH, the
-    runs that it keeps are judged (--keep all). The drivers are the competent and careful human of UN R157, the minimum
+    RUN is a run folder; preventability.parquet is written to it unless you give --agents. BATCH is a batch folder, of
+    which the kept runs are judged (--keep all). The drivers are the competent and careful human of UN R157, the minimum
     of its paragraph 5.2.5.2, RSS and the fuzzy safety model; the documentation (Reference drivers) defines them.
     """
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich

@@ -35,10 +35,10 @@ def counterfactual(
         threads: Number of planning threads; results do not depend on it.
 
     Returns:
-        The other run. Its agent is still told as one of the planner with which it began.
+        The new run; its records name the planner with which the agent began.
 
     Raises:
-        InputError: There is no such agent or driver, it has no collision to begin from, or the run does not say how to
+        InputError: There is no such agent or driver, it has no collision to start from, or the run does not say how to
             repeat it.
     """
     if driver not in DRIVERS:

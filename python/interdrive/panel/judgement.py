@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 #: The drivers of the panel: four that differ in design, each with its default settings.
 PANEL = ("lawful", "idm", "idm_mobil", "rollout")
 
-_SEVERAL = "several agents are scored: what each of them takes from the others is not measured"
+_SEVERAL = "several agents are scored: what each of them costs the others is not measured"
 
 
 @dataclass(frozen=True)

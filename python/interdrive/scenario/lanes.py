@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from interdrive.scenario.model import Lanelets
 
 _EVERYBODY = frozenset(KINDS)
-_NOBODY: frozenset[str] = frozenset()
+_NO_USERS: frozenset[str] = frozenset()
 
 #: Kinds for which a lanelet of a type is a lane; a lanelet of any other type, or of none, is one for all.
 USERS_BY_TYPE = {
-    **dict.fromkeys(("sidewalk", "border", "crosswalk", "parking", "shoulder"), _NOBODY),
+    **dict.fromkeys(("sidewalk", "border", "crosswalk", "parking", "shoulder"), _NO_USERS),
     **dict.fromkeys(("restricted", "restricted_area"), frozenset(("priority_vehicle",))),
     "bicycleLane": frozenset(("bicycle",)),
     "busLane": frozenset(("bus", "taxi", "priority_vehicle")),
@@ -30,7 +30,7 @@ USERS_BY_TYPE = {
 _OUTER = frozenset(("shoulder", "busLane", "busStop", "bicycleLane", "parking", "sidewalk", "accessRamp", "exitRamp"))
 #: The same for lanelets whose stated users are all named here; any other user opens a lanelet for all.
 USERS_BY_USER = {
-    **dict.fromkeys(("pedestrian", "train"), _NOBODY),
+    **dict.fromkeys(("pedestrian", "train"), _NO_USERS),
     "bicycle": frozenset(("bicycle",)),
     "bus": frozenset(("bus",)),
     "taxi": frozenset(("taxi",)),
@@ -83,7 +83,7 @@ def _admitted(names: Iterable[str], table: dict[str, frozenset[str]]) -> frozens
 def _stated(users: tuple[str, ...]) -> frozenset[str]:
     if not users or any(name not in USERS_BY_USER for name in users):
         return _EVERYBODY
-    return _NOBODY.union(*(USERS_BY_USER[name] for name in users))
+    return _NO_USERS.union(*(USERS_BY_USER[name] for name in users))
 
 
 def driving_side(lanelets: Lanelets) -> Side | None:

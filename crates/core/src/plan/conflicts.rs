@@ -20,7 +20,7 @@ use path_interval::{
 };
 
 /// Modes with at least this probability count, and the most probable one.
-const MODE_PROBABILITY: f64 = 0.2;
+pub(super) const MODE_PROBABILITY: f64 = 0.2;
 /// Between two looks that are nearer in time than this [s], leaders move evenly.
 const INTERPOLATED: f64 = 0.5;
 /// The vehicle goes first if it has left the stretch by this distance [m] when the other comes.

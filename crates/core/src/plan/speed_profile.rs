@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn whoever_is_too_fast_for_any_road_looks_no_further_than_its_end() {
+    fn a_vehicle_too_fast_for_any_road_looks_no_further_than_its_end() {
         let path = ReferencePath::through(&[Point::new(0.0, 0.0), Point::new(100.0, 0.0)]).expect("a path");
         let mut profile = SpeedProfile::default();
         profile.fill(&path, (&SpeedLimits::uniform(8.0), 0.0), (0.0, 1e12), 2.0, 1.5);

@@ -108,7 +108,7 @@ fn a_car_too_fast_for_a_bend_is_expected_to_go_straight_on() {
 }
 
 #[test]
-fn who_stands_stays_whoever_predicts() {
+fn every_predictor_lets_a_standing_vehicle_stand() {
     let (road, standing) = (fork(), at(40.0, 0.2, 0.1));
     for predictor in
         [Predictor::ConstantVelocity(Spread::default()), Predictor::LaneFollowing(LaneFollowing::default())]

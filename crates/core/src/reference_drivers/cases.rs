@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn of_cut_ins_before_110_km_h_the_near_ones_are_for_nobody_and_the_far_ones_for_all() {
+    fn of_cut_ins_before_110_km_h_the_near_ones_are_avoidable_for_no_driver_and_the_far_ones_for_all() {
         for (gap, expected) in [
             (25.0, [true, true, true, true]),
             (45.0, [true, true, false, false]),

@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_sees_danger_in_a_vehicle_behind_or_one_that_is_as_fast_and_far() {
+    fn no_driver_sees_danger_in_a_vehicle_behind_or_one_that_is_as_fast_and_far() {
         for driver in Driver::ALL {
             for encounter in [Encounter::CutIn, Encounter::Traffic] {
                 assert!(!driver.sees_danger(&Seen { is_ahead: false, gap: 1.0, ..AHEAD }, encounter), "{driver:?}");

@@ -415,7 +415,7 @@ fn ring(circle_after: f64) -> Ring {
 }
 
 #[test]
-fn without_exceptions_nobody_passes_a_mouth_in_a_full_ring_of_left_turns() {
+fn without_exceptions_no_agent_passes_an_entry_line_in_a_full_ring_of_left_turns() {
     let found = ring(f64::INFINITY);
     assert_eq!((found.n_left, found.first_exception), (12, None), "{found:?}");
     assert!(found.beyond < -0.4 && found.time > 60.0, "{found:?}");

@@ -117,7 +117,7 @@ impl Episode {
         !self.learners.iter().any(|learner| learner.is_driving || learner.is_awaited)
     }
 
-    fn is_anybody_driving(&self) -> bool {
+    fn is_any_agent_driving(&self) -> bool {
         self.learners.iter().any(|learner| learner.is_driving)
     }
 
@@ -174,7 +174,7 @@ impl Episode {
         self.stage = Some(Arc::clone(stage));
         self.look(settings);
         self.admit();
-        while !self.is_anybody_driving() && !self.is_over() {
+        while !self.is_any_agent_driving() && !self.is_over() {
             self.plan_traffic(settings)?;
             self.world.step(&self.step.plans)?;
             self.look(settings);
@@ -244,7 +244,7 @@ impl Episode {
                 }
             }
             let have_entered = self.admit();
-            if have_entered || self.is_over() || (n_left == 0 && self.is_anybody_driving()) {
+            if have_entered || self.is_over() || (n_left == 0 && self.is_any_agent_driving()) {
                 break;
             }
         }

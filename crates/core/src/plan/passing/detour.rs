@@ -1,6 +1,7 @@
 //! When the lane of the other direction is free to pass what stands.
 
 use super::super::car_following::LEADER_HEADING_COSINE;
+use super::super::conflicts::MODE_PROBABILITY;
 use super::super::{Other, PlanRequest};
 use super::{CLEARANCES, LEAD, Place, ROOM_STEP, SWING_LENGTH, Section, is_parked, reach};
 use crate::conduct::STATIONARY_SPEED;
@@ -22,8 +23,6 @@ const UNDER_WAY: f64 = 0.3;
 const SIGHT: f64 = 250.0;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
-/// Modes that are less probable do not count.
-const PROBABILITY_MIN: f64 = 0.2;
 /// Largest offset of an oncoming vehicle from its lane while it passes something itself [m].
 const PASSING_OFFSET: f64 = 2.0;
 
@@ -194,7 +193,7 @@ fn speeds(other: &Other, request: &PlanRequest) -> impl Iterator<Item = f64> {
     let predictions = request.predictions;
     let (row, from) = (other.row, other.pose.position);
     let mean = move |mode: usize| {
-        if predictions.probability[row * predictions.n_modes + mode] < PROBABILITY_MIN {
+        if predictions.probability[row * predictions.n_modes + mode] < MODE_PROBABILITY {
             return None;
         }
         let first = predictions.offset(row, mode);

@@ -13,7 +13,7 @@ const OWN_LANE: f64 = 1.0;
 /// A participant behind is a follower if it heads within 45 degrees of the agent (cosine).
 const FOLLOWER_COSINE: f64 = 0.7;
 /// A participant within these speeds [m/s] yields if this deceleration is enough [m/s²]: at walking pace two vehicles would
-/// wait for each other otherwise. Whoever is faster may be replayed, or not look.
+/// wait for each other otherwise. A faster vehicle may be a replay, or not look.
 const YIELDING_SPEEDS: (f64, f64) = (0.2, 2.5);
 const YIELDING_DECELERATION: f64 = 4.0;
 /// Being nearer than this is a risk, along and across the other's heading [m], and this much more for each second ahead

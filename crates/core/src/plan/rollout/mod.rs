@@ -2,8 +2,8 @@
 //!
 //! A proposal is a way (the path at an offset), a pace and a steering law. The pace makes a motion along the way
 //! (`speeds`), the steering law a motion of the vehicle (`steering`), which it can drive by construction, from any state.
-//! What hits somebody or leaves the road costs more than anything else (`contacts`), so to brake in an emergency is a
-//! proposal like others. What the speeds of a proposal cost bounds its cost from below: proposals are driven in that order
+//! Contacts and leaving the road cost more than anything else (`contacts`), so emergency braking is a proposal like
+//! others. What the speeds of a proposal cost bounds its cost from below: proposals are driven in that order
 //! until none can be better than the best (`search`).
 
 mod settings;

@@ -14,7 +14,7 @@ use crate::trajectory::{State, Trajectory};
 const STUCK_WAY: f64 = 1.0;
 /// With a way back the agent must come further by this than without [m].
 const GAIN: f64 = 2.0;
-/// Nobody moves within this distance [m].
+/// No other vehicle moves within this distance [m].
 const CLEAR: f64 = 12.0;
 /// Ways back [m]; within 3 s, so that a plan shows all of it.
 const WAYS: [f64; 3] = [1.0, 2.0, 3.0];
@@ -42,8 +42,8 @@ impl Search<'_> {
         self.is_free(&rollout, true).then_some(rollout)
     }
 
-    /// A way back from which the agent comes clearly further than with the best plan, if it stands and nobody has to be waited
-    /// for.
+    /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits for no other
+    /// participant.
     pub(super) fn reverse(&mut self, best_way: f64) -> Option<Rollout> {
         let request = self.task.request;
         let start = self.task.start;

@@ -152,14 +152,14 @@ impl<'a> Search<'a> {
         self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, wish: self.task.wish, way: 0.0 });
     }
 
-    /// It stays on the road and hits nobody, with its margins or without.
+    /// It stays on the road without a contact, with its margins or without.
     pub(super) fn is_free(&mut self, rollout: &Rollout, keeps_margin: bool) -> bool {
         let request = self.task.request;
         leaves_road(request, rollout, 0.0, &mut self.memory.road).is_none()
             && self.memory.surroundings.first_contact(request, &rollout.points, keeps_margin).is_none()
     }
 
-    /// The point at which it comes too near to the edge of the road or to somebody.
+    /// The point at which it comes too near to the edge of the road or to another participant.
     pub(super) fn first_fault(&mut self, rollout: &Rollout) -> Option<usize> {
         let request = self.task.request;
         let off_road = leaves_road(request, rollout, self.settings.road_margin, &mut self.memory.road);

@@ -208,7 +208,7 @@ fn a_vehicle_too_close_to_what_has_broken_down_backs_out_and_passes_it() {
 }
 
 #[test]
-fn nobody_backs_out_where_it_is_switched_off_or_behind_a_car_that_waits() {
+fn no_agent_backs_out_where_it_is_switched_off_or_behind_a_car_that_waits() {
     let settings = RolloutSettings { reverse: false, ..RolloutSettings::default() };
     let mut drive = behind_a_broken_down_car(0.15);
     for _ in 0..40 {

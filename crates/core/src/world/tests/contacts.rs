@@ -83,7 +83,7 @@ fn both_agents_of_a_contact_end_and_are_gone_from_the_next_step_on() {
 }
 
 #[test]
-fn an_agent_that_has_ended_is_in_nobodys_way() {
+fn an_agent_that_has_ended_is_in_no_ones_way() {
     let agents = vec![agent(1, at(20.0, 0.0, 10.0), vec![far()]), agent(2, at(25.0, 0.0, 10.0), vec![far()])];
     let mut world = world(agents, &[]);
     let mut plans = towards(&world, &[(1, at(21.0, 0.0, 10.0))]);
@@ -133,7 +133,7 @@ fn who_appears_on_top_of_an_agent_is_noted_and_does_not_end_it() {
 }
 
 #[test]
-fn an_agent_that_enters_later_on_top_of_somebody_is_noted() {
+fn an_agent_that_enters_later_on_top_of_another_is_noted() {
     let late = Agent { start_time_step: 1, ..agent(3, at(20.0, 0.0, 0.0), vec![far()]) };
     let mut world = world(vec![late], &[Recorded::standing(7, 21.0, 0.0), Recorded::standing(8, 60.0, 0.0)]);
     assert_eq!(world.entered_in_contact(), []);
