@@ -34,7 +34,7 @@ pub use comfort::{Comfort, FrenetComfort};
 pub use idm::IdmSettings;
 pub use lawful::LawfulSettings;
 pub use mobil::IdmMobilSettings;
-pub(crate) use passing::{narrow_place, stands};
+pub(crate) use passing::narrow_place;
 pub use prediction_index::PredictionIndex;
 pub use reference::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
 pub use velocity_adjusting::VelocityAdjustingSettings;

@@ -105,11 +105,6 @@ pub(crate) fn narrow_place(request: &PlanRequest, s: f64) -> Option<(f64, f64)> 
     Detour::past(&mut blocks, request.vehicle.length).map(|detour| detour.stretch())
 }
 
-/// Something stands there that vehicles can pass.
-pub(crate) fn stands(other: &Other) -> bool {
-    (other.is_static || other.velocity.abs() < STATIONARY_SPEED) && !is_person(other)
-}
-
 /// An obstruction, along and across the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Standing {

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use super::planning::Crowd;
 use super::{Drive, World};
-use crate::geometry::Point;
-use crate::plan::{Other, Planner, PredictionIndex, narrow_place, stands};
+use crate::conduct::STATIONARY_SPEED;
+use crate::plan::{Other, Planner, PredictionIndex, narrow_place};
 use crate::right_of_way::{Course, Zone};
+use crate::scene::Scene;
 use crate::trajectory::Predictions;
 
 /// The narrow places of two agents are one if they are less than this apart [m].
@@ -39,30 +40,42 @@ impl World {
         matches!(drive.agent.planner, Planner::Rollout(_)) && rules.enabled && rules.passing && !self.reverses(drive)
     }
 
-    /// Two agents drive that pass what stands.
+    /// Two agents that pass what stands are near something that does.
     pub(super) fn may_pass_from_both_ends(&self) -> bool {
-        let drives = self.drives.iter().filter(|drive| drive.is_driving(self.time_step) && self.passes(drive));
-        drives.take(2).count() == 2
+        let drives = self.drives.iter().filter(|drive| drive.is_driving(self.time_step));
+        drives.filter(|drive| self.is_near_what_stands(drive)).take(2).count() == 2
+    }
+
+    /// An agent may have to pass a vehicle that is no agent.
+    fn is_near_what_stands(&self, drive: &Drive) -> bool {
+        let Some(own) = self.states[drive.row].filter(|_| self.passes(drive)) else { return false };
+        let reach = REACH.0 + REACH.1 * own.velocity.abs();
+        let participants = &self.participants;
+        self.states.iter().enumerate().any(|(row, state)| {
+            state.is_some_and(|state| {
+                (participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED)
+                    && state.pose().position.distance(own.pose().position) < reach
+                    && participants.kind[row].is_on_the_road()
+                    && self.drive_index(participants.ids[row]).is_err()
+            })
+        })
     }
 
     /// The ways of agents that have to pass what stands while another one does so from the other end, by places among
     /// `obeying`, with zones there that each pair shares. `seen` says by places what they see.
     pub(super) fn narrow_courses<'a>(
         &'a self,
-        crowd: &Crowd<'_>,
+        scene: &Scene,
         obeying: &[Option<&'a Drive>],
         seen: &[Vec<usize>],
     ) -> BTreeMap<usize, Course> {
         let mut found: BTreeMap<usize, Course> = BTreeMap::new();
-        let standing: Vec<Point> =
-            crowd.all.iter().filter(|other| stands(other)).map(|other| other.pose.position).collect();
+        if !self.may_pass_from_both_ends() {
+            return found;
+        }
+        let crowd = Crowd::of(scene);
         let narrow = |(place, drive): (usize, &Option<&'a Drive>)| {
-            let drive = (*drive).filter(|drive| self.passes(drive))?;
-            let state = self.states[drive.row]?;
-            let (position, reach) = (state.pose().position, REACH.0 + REACH.1 * state.velocity);
-            if !standing.iter().any(|other| (1e-3..reach).contains(&other.distance(position))) {
-                return None;
-            }
+            let drive = (*drive).filter(|drive| self.is_near_what_stands(drive))?;
             let others: Vec<Other<'_>> = seen[place].iter().map(|other| crowd.all[*other]).collect();
             let predictions = Predictions { time_step: self.time_step, ..Predictions::default() };
             let prediction_index = PredictionIndex::of(&predictions, &[]);

@@ -1,6 +1,5 @@
 //! Entering a junction: what the agents are told, and what they remember of it.
 
-use super::planning::Crowd;
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, reverses};
@@ -172,7 +171,7 @@ impl World {
             let sees = |body: usize| seen[place].binary_search(&place_of[body]).is_ok();
             unseen[place] = self.unseen(&scene, drive, goes_last[place], &sees, (&bodies, &rows));
         }
-        let narrow = self.narrow_courses(&Crowd::of(&scene), &obeying, &seen);
+        let narrow = self.narrow_courses(&scene, &obeying, &seen);
         let travellers: Vec<Traveller<'_>> = obeying
             .iter()
             .enumerate()
