@@ -29,8 +29,8 @@ def adversaries(
 ) -> int:
     """Check that the score against a panel tells bad drivers from honest ones in the same places.
 
-    Every adversary must lose against the honest driver on which it is based, and rank below all honest drivers where its
-    vice acts. Exit code 0: all do; 1: some do not.
+    Every adversary must lose against the honest driver on which it is based, and rank below all honest drivers where
+    its vice acts. Exit code 0: all do; 1: some do not.
     """
     from interdrive.adversaries import rank_adversaries  # noqa: PLC0415 - needs the simulation
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
