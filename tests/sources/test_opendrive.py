@@ -158,6 +158,21 @@ def test_lanes_lead_from_section_to_section_and_from_road_to_road(read):
     }  # fmt: skip
 
 
+def test_the_order_of_roads_decides_about_ids_alone(read):
+    one_lane = xodr.section(xodr.lane(0), xodr.lane(-1, before=-1, after=-1))
+    first = xodr.road(
+        1, xodr.geometry(LINE, 30.0), one_lane, length=30.0,
+        after='elementType="road" elementId="2" contactPoint="start"',
+    )  # fmt: skip
+    second = xodr.road(2, xodr.geometry(LINE, 20.0, x=30.0), one_lane, length=20.0)
+    one, other = read(first, second), read(second, first)
+    assert one.source.keys == ("1/0/-1", "2/0/-1")
+    assert other.source.keys == ("2/0/-1", "1/0/-1")
+    assert one.lanelets.successors == ((2,), ())
+    assert other.lanelets.successors == ((), (1,))
+    np.testing.assert_array_equal(one.lanelets.left[0], other.lanelets.left[1])
+
+
 @pytest.mark.parametrize("kind", ["default", "direct"])
 def test_junctions_lead_from_a_road_into_another(read, kind):
     one_lane = xodr.section(xodr.lane(0), xodr.lane(-1))

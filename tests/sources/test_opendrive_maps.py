@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import interdrive as idr
+from interdrive.files import scenario_document
+from interdrive.files.scenario_file import losses
 from interdrive.files.sources import Notes, SourceFile
 from interdrive.files.sources.opendrive.borders import offsets_at, points_at
 from interdrive.files.sources.opendrive.reader import DRIVEN
@@ -101,6 +103,12 @@ def test_the_middles_of_lanes_are_where_others_put_them(inputs_folder, expected,
 def test_check_finds_nothing_but_narrow_lanes(inputs_folder, name):
     scenario = idr.read_source(file_of(inputs_folder, name))
     assert [line for line in map_defects(scenario.lanelets) if "narrower" not in line] == []
+
+
+@pytest.mark.parametrize("name", ["Town01", "fabriksgatan", "poly3_and_border", "simple_3way_lht", "velodrome"])
+def test_a_map_is_read_from_its_commonroad_file_as_the_same(inputs_folder, name):
+    scenario = idr.read_source(file_of(inputs_folder, name))
+    assert losses(scenario, scenario_document(scenario)) == ()
 
 
 def test_a_section_ends_before_the_next_offset_begins(inputs_folder):
