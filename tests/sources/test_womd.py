@@ -157,3 +157,15 @@ def test_in_real_scenes_lanes_are_linked_and_vehicles_are_on_them(inputs_folder)
             row for row, number in enumerate(scenario.obstacles.ids) if f"vehicle is {number};" in scenario.notes[1]
         )
         np.testing.assert_allclose([scenario.obstacles.x[row, 0], scenario.obstacles.y[row, 0]], first[1:], atol=1e-3)
+
+
+@pytest.mark.long
+def test_agents_of_real_scenes_reach_their_goals_in_time_and_none_collides(inputs_folder):
+    outcomes = [
+        outcome
+        for path in sorted((inputs_folder / "womd").glob("*.json"))
+        for outcome in idr.simulate(path, agents="all").outcomes.outcome
+    ]
+    assert len(outcomes) == 89
+    assert outcomes.count("collision") == 0
+    assert outcomes.count("goal_reached") >= 80
