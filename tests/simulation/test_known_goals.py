@@ -87,6 +87,17 @@ def test_an_agent_replays_until_it_plans():
     assert not np.allclose(run.states.x[row, 40:60], scenario.obstacles.x[0, 40:60], atol=1e-3)
 
 
+def test_a_run_in_which_agents_replay_first_is_loaded_as_it_was_saved(tmp_path):
+    path = tmp_path / "road.xml"
+    idr.write_scenario(_changing(), path)
+    settings = {"agents.plan_from": 2.0, "goal.information": "turns"}
+    run = idr.simulate(path, agents=[11], planner="idm", settings=settings)
+    run.save(tmp_path / "run")
+    loaded = idr.load(tmp_path / "run")
+    assert loaded.digest == run.digest
+    assert [agent.start_time_step for agent in loaded.agents] == [20]
+
+
 def test_a_vehicle_that_has_left_by_then_cannot_be_an_agent():
     scenario = world(straight_road(300.0), cars=[Car(11, 20.0, 0.0, 15.0, last=30), Car(12, 60.0, 0.0, 15.0)])
     simulation = idr.Simulation(scenario, planner="idm", settings={"agents.plan_from": 5.0})

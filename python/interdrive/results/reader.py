@@ -194,9 +194,11 @@ def _run(
             id=number,
             planner=planner,
             origin=str(known.get(number, {}).get("origin", "recorded")),
-            start_time_step=states.first_time_step + int(rows[number].argmax())
-            if rows[number].any()
-            else known.get(number, {}).get("start_time_step", 0),
+            # It may have replayed before, or waited for room to enter.
+            start_time_step=max(
+                states.first_time_step + int(rows[number].argmax()) if rows[number].any() else 0,
+                known.get(number, {}).get("start_time_step", 0),
+            ),
             goal=tuple(_goal_state(said) for said in known.get(number, {}).get("goal", ())),
             route_lanelet_ids=tuple(known.get(number, {}).get("route_lanelet_ids", ())),
             reference_path=np.empty((0, 2)),

@@ -114,7 +114,7 @@ def _check_states(found: Mapping[str, Columns], info: Mapping[str, Any]) -> None
     _check_seconds(states, info)
 
 
-def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+def _check_plans(found: Mapping[str, Columns], info: Mapping[str, Any]) -> None:
     plans, states = found["plans"], found["states"]
     point, starts = plans["point"], plans["point"] == 0
     # Rows are sorted by point within a plan, so only gaps have to be found.
@@ -133,11 +133,15 @@ def _check_plans(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     if len(astray):
         at = np.flatnonzero(starts)[astray[0]]
         raise Damage(f"time_step: agent {plans['agent_id'][at]} does not drive at time step {plans['time_step'][at]}")
-    # Every state of an agent but its last one has a plan.
+    # Every state of an agent but its last one has a plan; before its start it replays.
+    begins = {agent["id"]: agent.get("start_time_step", 0) for agent in info.get("agents", ())}
+    known = np.unique(driver)
+    start = np.array([begins.get(number, 0) for number in known.tolist()], dtype=np.int64)
+    replays = driven_at < start[np.searchsorted(known, driver)]
     last = np.unique(driver[::-1], return_index=True)[1]
     has_ended = np.zeros(len(driver), dtype=np.bool_)
     has_ended[len(driver) - 1 - last] = True
-    lost = np.flatnonzero(~has_ended & ~np.isin(driven, made))
+    lost = np.flatnonzero(~has_ended & ~replays & ~np.isin(driven, made))
     if len(lost):
         raise Damage(f"time_step: agent {driver[lost[0]]} has no plan at time step {driven_at[lost[0]]}")
 
