@@ -84,6 +84,10 @@ def test_the_map_of_ind_is_moved_by_the_origin_that_its_recording_states(tmp_pat
         ({"00_tracksMeta.csv": None}, "00_tracksMeta.csv: is not beside 00_tracks.csv"),
         ({"00_recordingMeta.csv": None}, "00_recordingMeta.csv: is not beside 00_tracks.csv"),
         ({"00_recordingMeta.csv": ff.IND["00_recordingMeta.csv"].replace("25", "0")}, "the frameRate is 0; it must be"),
+        (
+            {"00_recordingMeta.csv": ff.IND["00_recordingMeta.csv"].replace("649000.0", "9e9")},
+            "xUtmOrigin must have one",
+        ),
         ({"00_tracksMeta.csv": ff.IND["00_tracksMeta.csv"].replace("0,1,0", "0,5,0")}, "has no row for track 1"),
         ({"00_tracks.csv": ff.IND["00_tracks.csv"].replace("yCenter", "y")}, r"has no column yCenter \(found: rec"),
     ],

@@ -109,10 +109,11 @@ def test_kinds_are_read_without_case_and_unknown_ones_are_counted(recorded):
     assert scenario.notes[0] == "kinds of tracks that are not known, taken as unknown: 1 hovercraft"
 
 
-def test_ids_are_the_sources_own_unless_a_lanelet_has_them(recorded):
+def test_ids_are_the_sources_own_unless_a_lanelet_has_them_or_one_is_zero(recorded):
     assert recorded([*ff.car("7"), *ff.car("4", y=5.25)]).obstacles.ids.tolist() == [4, 7]
     assert recorded([*ff.car("7"), *ff.car("2", y=5.25)]).obstacles.ids.tolist() == [10001, 10002]
     assert recorded([*ff.car("a"), *ff.car("b", y=5.25)]).obstacles.ids.tolist() == [10001, 10002]
+    assert recorded([*ff.car("0"), *ff.car("9", y=5.25)]).obstacles.ids.tolist() == [10001, 10002], "files have no id 0"
 
 
 def test_tracks_are_shifted_and_those_far_from_the_map_are_noted_or_refused(recorded):

@@ -12,6 +12,7 @@ from interdrive.files.sources.model import Lane, Roads, Source, Tracks
 from interdrive.files.sources.neutral import WORDS, tracks_of
 from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.recorded import kinds_of
+from interdrive.scenario.limits import LARGEST_COORDINATE
 from interdrive.storage.foreign_tables import ForeignTable, foreign_table, header_of
 
 if TYPE_CHECKING:
@@ -78,8 +79,8 @@ def _recordings(file: SourceFile) -> list[str]:
 def _only_number(table: ForeignTable, name: str) -> float:
     table.require((name,))
     values = table.numbers(name)
-    if len(values) != 1 or not np.isfinite(values[0]):
-        raise InputError(f"{table.file}: the column {name} must have one number")
+    if len(values) != 1 or not abs(values[0]) <= LARGEST_COORDINATE:
+        raise InputError(f"{table.file}: the column {name} must have one number, at most {LARGEST_COORDINATE:g}")
     return float(values[0])
 
 

@@ -51,7 +51,8 @@ HEADING_BASE, HEADING_CHORD = 0.5, 0.25
 FAR = 100.0
 #: Share of the tracks that may be far from the map.
 MOST_FAR = 0.9
-_OWN_ID = re.compile(r"0|[1-9][0-9]{0,14}")
+#: Names that can be ids of a CommonRoad file, which are positive.
+_OWN_ID = re.compile(r"[1-9][0-9]{0,14}")
 
 
 class _Clock(NamedTuple):
