@@ -69,8 +69,6 @@ def read(file: SourceFile, _: SourceOptions) -> Source:
     if is_highd:
         return Source(_carriageways(meta, tracks), tracks, notes)
     origin = (_only_number(meta, "xUtmOrigin"), _only_number(meta, "yUtmOrigin"))
-    if max(map(abs, origin)) > LARGEST_COORDINATE:
-        raise InputError(f"{meta.file}: xUtmOrigin and yUtmOrigin are no place on earth; correct them")
     return Source(None, tracks, notes, map_options={"projection": "utm", "utm_origin": origin})
 
 

@@ -276,8 +276,7 @@ def _ids(tracks: Tracks, owners: Sequence[int], taken: Sequence[int], file: str)
     """An id for each part: the source's own where they are numbers and free; parts after the first get new ones."""
     used = set(taken)
     n = len(tracks.names)
-    # Files hold no id below 1.
-    if all(_OWN_ID.fullmatch(name) for name in tracks.names) and (used | {0}).isdisjoint(map(int, tracks.names)):
+    if all(_OWN_ID.fullmatch(name) for name in tracks.names) and used.isdisjoint(map(int, tracks.names)):
         own = [int(name) for name in tracks.names]
     else:
         base = 10_000
