@@ -162,7 +162,7 @@ def test_the_command_writes_tables_and_figures_and_one_line_per_driver(file, tmp
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--grid", "nothing.toml"), "--grid nothing.toml: there is no such file"),
+        (("--grid", "nothing.toml"), "--grid nothing.toml: no such file; named grids are jrc, jrc_high, jrc_low"),
         (
             ("cut_out", "--driver", "r157"),
             "--driver r157: it is defined for cut-ins (UN R157, 5.2.5.2), not for cut_out",
