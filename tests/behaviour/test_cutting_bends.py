@@ -6,7 +6,7 @@ import pytest
 from interdrive import InputError, simulate
 from interdrive.testing import bend, problem, straight_road, world
 
-CUTTING = {"planner.rollout.cut_bends": True}
+CUTTING, MIDDLE = ({"planner.rollout.cut_bends": choice} for choice in (True, False))
 
 
 def driven(lanelets, goal, velocity, **settings):
@@ -30,20 +30,40 @@ def in_a_bend(**settings):
 
 
 def test_a_bend_is_cut_within_the_lane_where_the_setting_asks_for_it():
-    middle, across = in_a_bend()
+    middle, across = in_a_bend(**MIDDLE)
     cut, gentler = in_a_bend(**CUTTING)
     assert np.abs(middle - 15.0).max() < 0.3, "m"
-    # The rear axle may be 0.7 m inside, and the steering law looks ahead, which takes it 0.16 m further. Half the lane
-    # is 1.75 m wide, half the vehicle 0.805 m, and its axle is 0.07 m further inside than its middle.
-    assert 15.0 - cut.max() > 0.55, "m"
-    assert 15.0 - cut.min() + 0.07 < 1.75 - 0.805, "m"
+    # The lane is 3.5 m wide, the vehicle 1.61 m, and 0.3 m are kept to the edge: its rear axle may be 0.645 m
+    # inside, its middle is 0.07 m further outside.
+    assert 15.0 - cut.max() > 0.4, "m"
+    assert 15.0 - cut.min() + 0.07 == pytest.approx(0.645, abs=0.1), "m"
     assert gentler < across, "m/s²"
+
+
+def test_the_body_stays_in_the_lane_around_a_tight_bend():
+    agent = {"x": -30.0, "velocity": 6.0}
+    x, y, heading, _ = driven(bend(8.0, 40.0, 3.0), (8.0, 43.0), agent, **CUTTING)
+    for ahead in np.linspace(-2.254, 2.254, 9):
+        for aside in (-0.805, 0.805):
+            px = x + ahead * np.cos(heading) - aside * np.sin(heading)
+            py = y + ahead * np.sin(heading) + aside * np.cos(heading)
+            turning = (px > 0.0) & (py < 8.0)
+            beside = np.where(turning, np.hypot(px, py - 8.0) - 8.0, np.where(px <= 0.0, -py, px - 8.0))
+            assert np.abs(beside).max() < 1.5, f"{ahead} m ahead, {aside} m to the left"
+
+
+def test_an_agent_that_starts_in_the_middle_of_the_lane_is_not_drawn_to_the_outside_of_a_bend():
+    agent = {"x": -6.0, "velocity": 2.0}
+    x, y, heading, _ = driven(bend(15.0, 40.0, 3.5), (15.0, 50.0), agent, **CUTTING)
+    before = x < 0.0
+    right_front = y + 2.254 * np.sin(heading) - 0.805 * np.cos(heading)
+    assert right_front[before].min() > -1.25, "m, where the lane ends at -1.75 m"
 
 
 def test_a_straight_lane_is_driven_as_without_it():
     agent = {"x": 20.0, "velocity": 10.0}
-    drives = [driven(straight_road(200.0), (150.0, 0.0), agent, **settings) for settings in ({}, CUTTING)]
-    for without, cutting in zip(*drives, strict=True):
+    drives = [driven(straight_road(200.0), (150.0, 0.0), agent, **settings) for settings in (CUTTING, MIDDLE)]
+    for cutting, without in zip(*drives, strict=True):
         assert cutting == pytest.approx(without, abs=0.02)
 
 

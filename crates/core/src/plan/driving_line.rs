@@ -20,7 +20,9 @@ const RETURN: f64 = 1e-5;
 const PENALTY: f64 = 0.01;
 const OVER: f64 = 1.6;
 /// Room kept to the edge of the lane [m].
-const EDGE: f64 = 0.15;
+const EDGE: f64 = 0.3;
+/// The nearest point of a bound is searched so far ahead and behind [m].
+const BOUND_REACH: f64 = 6.0;
 /// Offset where the path is in no lane, or changes lanes [m].
 const UNKNOWN: f64 = 0.1;
 /// Largest offset [m].
@@ -68,28 +70,36 @@ impl DrivingLine {
     ) -> Self {
         let spacing = STRIDE as f64 * path.spacing();
         let at: Vec<_> = (0..path.theta().len()).step_by(STRIDE).map(|i| path.at(i as f64 * path.spacing())).collect();
-        let half = 0.5 * vehicle.width + EDGE;
-        let room: Vec<(f64, f64)> = at
-            .iter()
-            .enumerate()
-            .map(|(i, point)| {
-                let left = point.tangent().left();
-                let unknown = (half + UNKNOWN, half + UNKNOWN);
-                bounds(i as f64 * spacing)
-                    .map_or(unknown, |(a, b)| ((a - point.position).dot(left), (point.position - b).dot(left)))
-            })
-            .collect();
-        let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let centers: Vec<Point> = at.iter().map(|point| point.position).collect();
         let normals: Vec<Point> = at.iter().map(|point| point.tangent().left()).collect();
         let n = at.len();
-        let limits: Vec<(f64, f64)> = (0..n)
+        let bounds: Vec<_> = (0..n).map(|i| bounds(i as f64 * spacing)).collect();
+        let half = 0.5 * vehicle.width + EDGE;
+        let reach = (BOUND_REACH / spacing).ceil() as usize;
+        let room: Vec<(f64, f64)> = (0..n)
             .map(|i| {
-                // The front swings out of the bend.
-                let swing = 0.5 * at[i].curvature * to_front * to_front;
-                let high = (room[i].0 - half + swing.min(0.0)).clamp(0.0, OFFSET_MAX);
-                let low = (half - room[i].1 + swing.max(0.0)).clamp(-OFFSET_MAX, 0.0);
-                (low, high)
+                if bounds[i].is_none() {
+                    return (half + UNKNOWN, half + UNKNOWN);
+                }
+                let near = bounds[i.saturating_sub(reach)..(i + reach + 1).min(n)].iter().flatten();
+                (
+                    distance(centers[i], normals[i], near.clone().map(|bound| bound.0)),
+                    distance(centers[i], -normals[i], near.map(|bound| bound.1)),
+                )
+            })
+            .collect();
+        let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
+        let body = (to_front / spacing).round() as usize;
+        let limits: Vec<(f64, f64)> = (0..n)
+            .map(|k| {
+                let (mut low, mut high) = (-OFFSET_MAX, OFFSET_MAX);
+                for i in k.saturating_sub(body)..=k {
+                    // With the rear axle at i the body reaches up to k, straight: it swings out of the bend.
+                    let swing = (centers[k] - centers[i]).dot(normals[i]);
+                    high = high.min(room[k].0 - half + swing);
+                    low = low.max(half - room[k].1 + swing);
+                }
+                (low.min(0.0), high.max(0.0))
             })
             .collect();
         let (mut offsets, mut within, mut price) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
@@ -111,9 +121,13 @@ impl DrivingLine {
         Self { spacing, knots }
     }
 
-    /// At an arc length of the path [m].
+    /// At an arc length of the path [m]; beyond its ends the line goes straight on beside it.
     pub(in crate::plan) fn at(&self, s: f64) -> LinePoint {
-        let along = (s / self.spacing).clamp(0.0, (self.knots.len() - 1) as f64);
+        let last = (self.knots.len() - 1) as f64;
+        let along = (s / self.spacing).clamp(0.0, last);
+        if along != s / self.spacing {
+            return LinePoint { offset: self.knots[along as usize].offset, ..LinePoint::default() };
+        }
         let i = (along as usize).min(self.knots.len().saturating_sub(2));
         let (a, b) = (self.knots[i], self.knots[(i + 1).min(self.knots.len() - 1)]);
         let share = along - i as f64;
@@ -123,6 +137,20 @@ impl DrivingLine {
             curvature: a.curvature + (b.curvature - a.curvature) * share,
         }
     }
+}
+
+/// Distance of a point from a bound on its side [m], negative beyond the bound.
+fn distance(from: Point, side: Point, bound: impl Iterator<Item = Point>) -> f64 {
+    let points: Vec<Point> = bound.collect();
+    let nearest = |a: Point, b: Point| {
+        let along = b - a;
+        let share = ((from - a).dot(along) / along.dot(along).max(1e-9)).clamp(0.0, 1.0);
+        a + along * share - from
+    };
+    let found = points.windows(2).map(|pair| nearest(pair[0], pair[1]));
+    let found = found.chain(points.first().map(|point| *point - from));
+    let offset = found.min_by(|a, b| a.dot(*a).total_cmp(&b.dot(*b))).expect("a bound has a point");
+    offset.dot(offset).sqrt().copysign(offset.dot(side))
 }
 
 /// The curvature of a line at each inner knot: constant + before, here, behind times the offsets there.
@@ -139,14 +167,22 @@ impl Bend {
             [constant / way, normals[i - 1].dot(normal) / way, -2.0 / way, normals[i + 1].dot(normal) / way]
         };
         let n = centers.len();
-        Self { rows: (0..n).map(|i| if i == 0 || i + 1 >= n { [0.0; 4] } else { inner(i) }).collect() }
+        let mut rows = vec![[0.0; 4]; n];
+        for i in 1..n.saturating_sub(1) {
+            rows[i] = inner(i);
+        }
+        if n > 2 {
+            // Beyond its ends the path bends on, and the line beside it: otherwise it would be straight there at any price.
+            let ([constant, a, b, c], [last, d, e, f]) = (rows[1], rows[n - 2]);
+            (rows[0], rows[n - 1]) = ([constant, 0.0, a + b, c], [last, d, e + f, 0.0]);
+        }
+        Self { rows }
     }
 
     fn curvature(&self, offsets: &[f64]) -> Vec<f64> {
         let n = offsets.len();
         (0..n)
             .map(|i| {
-                let i = i.clamp(1.min(n.saturating_sub(2)), n.saturating_sub(2));
                 let [constant, a, b, c] = self.rows[i];
                 constant + a * offsets[i.saturating_sub(1)] + b * offsets[i] + c * offsets[(i + 1).min(n - 1)]
             })
@@ -161,15 +197,18 @@ impl Bend {
         // The normal equations: the diagonal and two beside it.
         let mut band = vec![[RETURN + PENALTY, 0.0, 0.0]; n];
         let mut bend = vec![0.0; n];
-        for i in 1..n.saturating_sub(1) {
-            let [constant, a, b, c] = self.rows[i];
-            for (k, value) in [(i - 1, a), (i, b), (i + 1, c)] {
-                band[k][0] += value * value;
-                bend[k] -= value * constant;
+        for (i, &[constant, a, b, c]) in self.rows.iter().enumerate() {
+            for (k, value) in [(i.wrapping_sub(1), a), (i, b), (i + 1, c)] {
+                if let Some(diagonal) = band.get_mut(k) {
+                    diagonal[0] += value * value;
+                    bend[k] -= value * constant;
+                }
             }
-            band[i - 1][1] += a * b;
+            if i > 0 {
+                band[i - 1][1] += a * b;
+                band[i - 1][2] += a * c;
+            }
             band[i][1] += b * c;
-            band[i - 1][2] += a * c;
         }
         let factors = factors(band);
         let mut offsets = vec![0.0; n];
@@ -247,11 +286,11 @@ mod tests {
     fn a_bend_is_cut_as_far_as_the_lane_has_room_for_the_vehicle() {
         let (path, line) = bend(3.1);
         let middle = 60.0 + 0.25 * std::f64::consts::PI * 20.0;
-        // 1.55 m to the edge, less half the car's width of 1.61 m and 0.15 m; before the bend it drives outside.
+        // 1.55 m to the edge, less half the car's width of 1.61 m and 0.3 m; before the bend it drives outside.
         let apex = line.at(middle).offset;
-        assert!((apex - 0.595).abs() < 0.03, "{apex} m");
-        assert!(line.at(50.0).offset < -0.3, "{} m", line.at(50.0).offset);
-        let inside = |s: &f64| line.at(*s).offset.abs() < 0.63;
+        assert!((apex - 0.445).abs() < 0.03, "{apex} m");
+        assert!(line.at(50.0).offset < -0.2, "{} m", line.at(50.0).offset);
+        let inside = |s: &f64| line.at(*s).offset.abs() < 0.48;
         assert!((0..300).map(|i| 0.5 * f64::from(i)).all(|s| inside(&s)));
         // The way in and out is gentler than the path, which bends by 1/20 from 60 m on.
         let bends = |at: &dyn Fn(f64) -> f64| (0..300).map(|i| at(0.5 * f64::from(i)).powi(2) * 0.5).sum::<f64>();
@@ -266,6 +305,22 @@ mod tests {
             assert!(line.at(s).offset.abs() < 0.03, "{} m at {s} m", line.at(s).offset);
         }
         assert!((line.at(75.0).curvature - path.curvature_at(75.0)).abs() < 0.005);
+    }
+
+    #[test]
+    fn a_path_that_ends_in_a_bend_is_cut_up_to_its_end() {
+        let path = ReferencePath::through(&arc((0.0, 0.0), 18.5, 0.0, 3.9)).expect("a path");
+        let vehicle = Vehicle::of_type(2).expect("a car");
+        let line = DrivingLine::within(&path, &vehicle, |s| {
+            let at = path.at(s);
+            Some((at.offset(1.75), at.offset(-1.75)))
+        });
+        for s in (0..70).map(f64::from) {
+            let point = line.at(s);
+            assert!((point.offset - 0.7).abs() < 0.02 && point.heading.abs() < 0.01, "{point:?} at {s} m");
+        }
+        let beyond = line.at(path.length() + 5.0);
+        assert!((beyond.offset - 0.7).abs() < 0.02 && beyond.curvature == 0.0, "{beyond:?}");
     }
 
     #[test]

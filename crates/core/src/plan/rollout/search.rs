@@ -275,9 +275,12 @@ impl<'a> Search<'a> {
             if self.cost() <= proposal.bound {
                 break;
             }
-            let narrow: &[Steering] = if proposal.steering == Steering::FIRM { &Steering::CORNERING } else { &[] };
-            for steering in std::iter::once(&proposal.steering).chain(narrow) {
-                if !self.drive(proposal, *steering) {
+            if !self.drive(proposal, proposal.target.1, proposal.steering) || proposal.steering != Steering::FIRM {
+                continue;
+            }
+            // Where the road is narrow, its middle is better than the line.
+            for steering in Steering::CORNERING {
+                if !self.drive(proposal, Along::Path, steering) {
                     break;
                 }
             }
@@ -285,12 +288,12 @@ impl<'a> Search<'a> {
     }
 
     /// Drives one proposal; says whether it leaves the road.
-    fn drive(&mut self, proposal: &Proposal, steering: Steering) -> bool {
+    fn drive(&mut self, proposal: &Proposal, along: Along, steering: Steering) -> bool {
         let request = self.task.request;
         let weights = &self.settings.weights;
         let mut rollout = std::mem::take(&mut self.memory.rollout);
         self.memory.effort += 1;
-        rollout.drive(request, &self.task.start, proposal.target, &proposal.speeds, steering);
+        rollout.drive(request, &self.task.start, (proposal.target.0, along), &proposal.speeds, steering);
         let mut terms = [0.0; N_TERMS];
         terms[..4].copy_from_slice(&proposal.terms);
         let end = rollout.beside;

@@ -13,6 +13,10 @@ use crate::trajectory::State;
 
 /// Offset and heading are corrected over a way of at least this length [m].
 const CORRECTION_LENGTH: f64 = 2.5;
+/// The same for the line [m]: where the front swings over the edge of the lane, the line is not worth it.
+const LINE_CORRECTION_LENGTH: f64 = 4.0;
+/// How far ahead of the line's curvature it steers [s]: half the time in which it turns the wheels for a bend.
+const LINE_PREVIEW: f64 = 0.2;
 /// Larger offsets are corrected no harder [m].
 const OFFSET_MAX: f64 = 1.5;
 /// The front swings out of bends by at most twice this [m].
@@ -103,8 +107,9 @@ impl RolloutPoint {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rollout {
     pub(super) points: Vec<RolloutPoint>,
-    /// Integral of the distance from the line [m s], and that at the end [m].
+    /// Integral of the distance from where it is neither in the middle of the lane, nor on the line, nor between [m s].
     pub(super) offset: f64,
+    /// Distance from the line at the end [m].
     pub(super) beside: f64,
     /// Integral of the squared lateral acceleration beyond that of the line [m²/s³].
     pub(super) lateral: f64,
@@ -141,7 +146,8 @@ impl Rollout {
                         Held::Share(share) => share * tightest,
                     },
                     _ => {
-                        let from = s + before * steering.preview;
+                        let preview = if line.is_some() { LINE_PREVIEW } else { steering.preview };
+                        let from = s + before * preview;
                         // The middle of the front is outside of a bend by half of what the heading changes along the body.
                         let swing = 0.5 * to_front * (heading(path, from + to_front) - heading(path, from));
                         let (here, ahead) = match line {
@@ -149,7 +155,8 @@ impl Rollout {
                             None => (LinePoint::default(), path.curvature_at(from)),
                         };
                         let aim = here.offset + target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
-                        let length = CORRECTION_LENGTH.max(steering.time * before);
+                        let shortest = if line.is_some() { LINE_CORRECTION_LENGTH } else { CORRECTION_LENGTH };
+                        let length = shortest.max(steering.time * before);
                         let error = (d - aim).clamp(-OFFSET_MAX, OFFSET_MAX);
                         let askew = wrap_angle(theta - at.theta - here.heading);
                         ahead - (error / length + 2.0 * askew) / length
@@ -181,7 +188,7 @@ impl Rollout {
                 let beyond = velocity * velocity * (curvature - bend);
                 self.lateral += beyond * beyond * dt;
                 beside = d - offset;
-                self.offset += beside.abs() * dt;
+                self.offset += (d - d.clamp(offset.min(0.0), offset.max(0.0))).abs() * dt;
             }
             let axis = Point::from_angle(theta);
             let center = axle + axis * vehicle.rear_axle_to_center;
