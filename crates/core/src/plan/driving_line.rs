@@ -36,8 +36,8 @@ const STRETCH_MIN: f64 = 0.4;
 /// The line beside a path.
 #[derive(Debug, Clone)]
 pub struct DrivingLine {
-    /// Arc length of the path between knots [m].
-    spacing: f64,
+    /// Knots per arc length of the path [1/m].
+    density: f64,
     knots: Vec<LinePoint>,
 }
 
@@ -118,24 +118,34 @@ impl DrivingLine {
                 LinePoint { offset: offsets[i], heading: slope.atan2(stretch), curvature: curvature[i] }
             })
             .collect();
-        Self { spacing, knots }
+        Self { density: 1.0 / spacing, knots }
     }
 
     /// At an arc length of the path [m]; beyond its ends the line goes straight on beside it.
     pub(in crate::plan) fn at(&self, s: f64) -> LinePoint {
-        let last = (self.knots.len() - 1) as f64;
-        let along = (s / self.spacing).clamp(0.0, last);
-        if along != s / self.spacing {
-            return LinePoint { offset: self.knots[along as usize].offset, ..LinePoint::default() };
-        }
-        let i = (along as usize).min(self.knots.len().saturating_sub(2));
-        let (a, b) = (self.knots[i], self.knots[(i + 1).min(self.knots.len() - 1)]);
-        let share = along - i as f64;
+        let Some((a, b, share)) = self.around(s) else {
+            let end = if s > 0.0 { self.knots.last() } else { self.knots.first() };
+            return LinePoint { offset: end.map_or(0.0, |knot| knot.offset), ..LinePoint::default() };
+        };
         LinePoint {
             offset: a.offset + (b.offset - a.offset) * share,
             heading: a.heading + (b.heading - a.heading) * share,
             curvature: a.curvature + (b.curvature - a.curvature) * share,
         }
+    }
+
+    /// Curvature at an arc length of the path [1/m], as `at`.
+    pub(in crate::plan) fn curvature_at(&self, s: f64) -> f64 {
+        self.around(s).map_or(0.0, |(a, b, share)| a.curvature + (b.curvature - a.curvature) * share)
+    }
+
+    /// The knots before and behind an arc length [m], and how far it is between them; `None` beyond the ends.
+    fn around(&self, s: f64) -> Option<(&LinePoint, &LinePoint, f64)> {
+        let along = s * self.density;
+        // Negative ones become 0.
+        let i = along as usize;
+        let pair = self.knots.get(i..i + 2).filter(|_| along >= 0.0)?;
+        Some((&pair[0], &pair[1], along - i as f64))
     }
 }
 

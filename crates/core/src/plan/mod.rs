@@ -196,6 +196,11 @@ impl PlanRequest<'_> {
         self.line.map_or_else(middle, |line| line.at(s))
     }
 
+    /// Curvature of the line that the agent takes, or of the path, at an arc length [1/m].
+    fn line_curvature_at(&self, s: f64) -> f64 {
+        self.line.map_or_else(|| self.route.path.curvature_at(s), |line| line.curvature_at(s))
+    }
+
     /// All barriers of a way, if the rear axle is at an arc length [m].
     fn barriers(&self, way: &Way, s: f64) -> Barriers {
         let front = s + self.vehicle.rear_axle_to_center + 0.5 * self.vehicle.length;

@@ -130,7 +130,7 @@ impl<'a> Task<'a> {
     pub(super) fn fill(&self, profile: &mut SpeedProfile) {
         let Self { request, comfort, start, .. } = self;
         let (path, vehicle) = (&request.route.path, request.vehicle);
-        let curvature = |s: f64| request.line_at(s).curvature;
+        let curvature = |s: f64| request.line_curvature_at(s);
         let reach = REACH.0 + REACH.1 * start.velocity;
         let cornering = vehicle.cornering(comfort.lateral_acceleration);
         // Limits count at the vehicle's centre.

@@ -134,7 +134,8 @@ impl Rollout {
         let (mut s, mut curvature, mut before) = (start.s, start.curvature, start.velocity + start.rolling);
         let mut at = point_at(path, s);
         let mut d = start.d;
-        let mut beside = start.d - request.line_at(start.s).offset;
+        let mut on_line = request.line.map_or_else(LinePoint::default, |line| line.at(s));
+        let mut beside = start.d - on_line.offset;
         self.points.clear();
         (self.offset, self.lateral) = (0.0, 0.0);
         for (i, (&velocity, &acceleration)) in speeds.velocity.iter().zip(&speeds.acceleration).enumerate() {
@@ -151,7 +152,7 @@ impl Rollout {
                         // The middle of the front is outside of a bend by half of what the heading changes along the body.
                         let swing = 0.5 * to_front * (heading(path, from + to_front) - heading(path, from));
                         let (here, ahead) = match line {
-                            Some(line) => (line.at(s), line.at(from).curvature),
+                            Some(line) => (on_line, line.curvature_at(from)),
                             None => (LinePoint::default(), path.curvature_at(from)),
                         };
                         let aim = here.offset + target + steering.inside * 0.5 * swing.clamp(-SWING_MAX, SWING_MAX);
@@ -181,11 +182,12 @@ impl Rollout {
                 d = at.tangent().cross(offset);
                 let ahead = offset.dot(at.tangent()) / at.stretch(d).max(STRETCH_MIN);
                 s += way + ahead.clamp(-2.0 * way.abs() - 0.1, 2.0 * way.abs() + 0.1);
-                let (bend, offset) = match request.line.map(|line| line.at(s)) {
-                    Some(line) => (line.curvature, line.offset),
-                    None => (at.curvature, 0.0),
+                on_line = match request.line {
+                    Some(line) => line.at(s),
+                    None => LinePoint { curvature: at.curvature, ..LinePoint::default() },
                 };
-                let beyond = velocity * velocity * (curvature - bend);
+                let offset = on_line.offset;
+                let beyond = velocity * velocity * (curvature - on_line.curvature);
                 self.lateral += beyond * beyond * dt;
                 beside = d - offset;
                 self.offset += (d - d.clamp(offset.min(0.0), offset.max(0.0))).abs() * dt;
