@@ -102,7 +102,7 @@ class Rollout:
     margin_length: Annotated[float, "m"] = 0.25
     margin_width: Annotated[float, "m"] = 0.1
     collision_mode_probability: float = 0.2
-    cut_bends: bool = False
+    cut_bends: bool = True
     reverse: bool = True
     weights: RolloutWeights = field(default_factory=RolloutWeights)
     comfort: Comfort = field(default_factory=Comfort)

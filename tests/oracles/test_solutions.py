@@ -25,7 +25,7 @@ from interdrive.files.solution_check import check_solution
 from interdrive.run import RunRecord
 
 #: Solutions that a check refuses, with the name of the check: docs/research/scores.md explains every one.
-REFUSED = dict.fromkeys(("DEU_Muc-12_1_T-1", "DEU_Muc-13_1_T-1", "DEU_Muc-28_1_T-1", "USA_Peach-4_7_T-1"), "road")
+REFUSED = dict.fromkeys(("DEU_Muc-12_1_T-1", "DEU_Muc-13_1_T-1", "DEU_Muc-28_1_T-1"), "road")
 
 #: Files with few vehicles, on which other models and vehicle types are tried. Trucks (type 4) overlap the edge of their
 #: lanelets in DEU_A9-1_1_T-1 and ZAM_Tjunction-1_27_T-1, as `road.judge=wheels` allows: docs/research/scores.md.

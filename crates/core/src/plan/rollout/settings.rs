@@ -48,7 +48,7 @@ settings! {
         /// Smallest probability of a predicted mode that a plan must not hit; the most probable mode always counts.
         collision_mode_probability: f64 = 0.2, between(0.0, 1.0);
         /// Takes the line of least curvature within its lane instead of the reference path.
-        cut_bends: bool = false;
+        cut_bends: bool = true;
         /// Drives back a little where it stands wedged.
         reverse: bool = true;
         /// Weights of the cost.
