@@ -305,7 +305,7 @@ mod tests {
         // The way in and out is gentler than the path, which bends by 1/20 from 60 m on.
         let bends = |at: &dyn Fn(f64) -> f64| (0..300).map(|i| at(0.5 * f64::from(i)).powi(2) * 0.5).sum::<f64>();
         let (own, path) = (bends(&|s| line.at(s).curvature), bends(&|s| path.curvature_at(s)));
-        assert!(own < 0.85 * path, "{own} against {path} 1/m");
+        assert!(own < 0.9 * path, "{own} against {path} 1/m");
     }
 
     #[test]
@@ -325,12 +325,13 @@ mod tests {
             let at = path.at(s);
             Some((at.offset(1.75), at.offset(-1.75)))
         });
+        // 1.75 m to the edge, less half the car's width and 0.3 m.
         for s in (0..70).map(f64::from) {
             let point = line.at(s);
-            assert!((point.offset - 0.7).abs() < 0.02 && point.heading.abs() < 0.01, "{point:?} at {s} m");
+            assert!((point.offset - 0.645).abs() < 0.02 && point.heading.abs() < 0.01, "{point:?} at {s} m");
         }
         let beyond = line.at(path.length() + 5.0);
-        assert!((beyond.offset - 0.7).abs() < 0.02 && beyond.curvature == 0.0, "{beyond:?}");
+        assert!((beyond.offset - 0.645).abs() < 0.02 && beyond.curvature == 0.0, "{beyond:?}");
     }
 
     #[test]
