@@ -177,10 +177,7 @@ impl Bend {
             [constant / way, normals[i - 1].dot(normal) / way, -2.0 / way, normals[i + 1].dot(normal) / way]
         };
         let n = centers.len();
-        let mut rows = vec![[0.0; 4]; n];
-        for i in 1..n.saturating_sub(1) {
-            rows[i] = inner(i);
-        }
+        let mut rows: Vec<[f64; 4]> = (0..n).map(|i| if i == 0 || i + 1 >= n { [0.0; 4] } else { inner(i) }).collect();
         if n > 2 {
             // Beyond its ends the path bends on, and the line beside it: otherwise it would be straight there at any price.
             let ([constant, a, b, c], [last, d, e, f]) = (rows[1], rows[n - 2]);
