@@ -64,8 +64,12 @@ DEADLOCKS += [(four_arms, "rollout"), (narrow_street, "rollout")]
 @pytest.mark.parametrize(("meeting", "planner"), DEADLOCKS)
 def test_agents_that_would_wait_for_each_other_for_ever_pass_if_they_agree(meeting, planner):
     alone, _ = drive(meeting(), planner)
-    assert "time_limit" in alone.outcomes.outcome
-    assert len(deadlocks(alone)) == 1
+    late = [k for k, outcome in enumerate(alone.outcomes.outcome) if outcome == "time_limit"]
+    rows = np.searchsorted(alone.states.participant_id, [alone.agents[k].id for k in late])
+    assert len(late) > 1
+    assert (abs(alone.states.velocity[rows, -100:]) < 0.3).all(), "m/s, in the last 10 s"
+    # In the narrow street two agents with `rollout` stand wedged side by side: no circle, as each looks past the other.
+    assert len(deadlocks(alone)) == ((meeting, planner) != (narrow_street, "rollout"))
     agreed, _ = drive(meeting(), planner, **AGREEING)
     assert set(agreed.outcomes.outcome) == {"goal_reached"}
     assert deadlocks(agreed) == ()
