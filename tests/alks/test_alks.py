@@ -169,6 +169,7 @@ def test_the_command_writes_tables_and_figures_and_one_line_per_driver(file, tmp
         ),
         (("--driver", "me"), "--driver me: there is no such reference driver"),
         (("--driver-only", "--planner", "idm"), "--driver-only: no planner drives"),
+        (("--driver-only", "--boundary"), "--boundary: say with --out DIR where boundary.csv goes"),
     ],
 )
 def test_what_cannot_be_driven_is_refused(arguments, words):
@@ -184,3 +185,20 @@ def test_more_than_a_million_cases_need_a_yes(tmp_path):
     code, text = invoked("following", "--grid", path)
     assert code == 2
     assert "cases are more than 1,000,000; --yes drives them" in " ".join(text.split())
+
+
+def test_a_planner_that_fails_avoids_nothing(tmp_path, monkeypatch, file):
+    (tmp_path / "bad.py").write_text(
+        "class Bad:\n    def plan(self, view, predictions):\n        raise ValueError('no')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    found = driven(grid("cut_in", file), "bad:Bad", workers=1)
+    assert found.failed.all()
+    assert not found.crash.any()
+    assert table_of([found]).column("failed").to_pylist() == [True] * len(found.grid)
+
+
+def test_a_gap_that_stands_twice_in_a_grid_does_not_move_the_boundary(file):
+    cases = grid("cut_in", file)
+    twice = Grid(cases.manoeuvre, {name: np.concatenate([values, values]) for name, values in cases.cases.items()})
+    assert boundary(twice, hits("cut_in", "cc")) == boundary(cases, hits("cut_in", "cc"))

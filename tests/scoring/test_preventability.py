@@ -102,6 +102,10 @@ def test_a_counterfactual_is_the_same_run_up_to_a_moment_and_then_the_driver_bra
         assert np.array_equal(mine, theirs, equal_nan=True), name
     assert not np.array_equal(first.x[:, : at + 10], second.x[:, : at + 10], equal_nan=True)
     assert counterfactual(run, number, "cc", at=at, threads=2).digest == other.digest
+    assert other.settings["repeatable"] is False, "no settings name a driver that takes over"
+    for outside in (-50, 1_000_000):
+        with pytest.raises(idr.InputError, match=f"time step {outside} is not one of the run"):
+            counterfactual(run, number, at=outside)
     with pytest.raises(idr.InputError, match="has no collision with another participant"):
         counterfactual(run, number)
     with pytest.raises(idr.InputError, match="there is no reference driver me"):

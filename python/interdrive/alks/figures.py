@@ -61,7 +61,7 @@ def cut_in_figures(found: Verdicts) -> Iterator[tuple[str, Figure]]:
         axes.set_ylabel("gap [m]")
         axes.set_title(f"{3.6 * velocity:.0f} km/h behind {3.6 * other:.0f} km/h", fontsize=9)
         axes.legend(fontsize=6, loc="upper right")
-        yield f"cut_in_{3.6 * velocity:.0f}_{3.6 * other:.0f}", figure
+        yield f"cut_in_{3.6 * velocity:g}_{3.6 * other:g}".replace(".", "p"), figure
 
 
 def _largest(gap: Floats) -> float:

@@ -8,7 +8,7 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -34,6 +34,11 @@ _CHUNK = 32
 #: Gaps are found to this [m].
 _GAP_STEP = 0.1
 
+#: Crash, impact speed [m/s], least time to collision [s], and whether it failed.
+_Ending: TypeAlias = tuple[bool, float, float, bool]
+#: Outcomes of agents that do not drive to the end; without a partner it is the edge of the road that is hit.
+_FAILED = ("collision", "infeasible", "planner_error")
+
 _ABSENT = "the manoeuvre has no such number"
 
 #: Columns of alks.parquet.
@@ -47,6 +52,7 @@ ALKS_COLUMNS = (
     Column("deceleration", "number", "of the leader", "m/s²", null=_ABSENT),
     Column("driver", "label", "reference driver or planner"),
     Column("crash", "truth", "it hits the other"),
+    Column("failed", "truth", "its planner fails, or it leaves the road: no verdict on the crash"),
     Column(
         "impact_speed", "number", "difference of the speeds at the contact", "m/s", null="it does not hit the other"
     ),
@@ -70,6 +76,7 @@ class Verdicts:
         crash: Whether it hits the other.
         impact_speed: Difference of the speeds at the contact [m/s]; nan without one.
         ttc_min: Least time to collision [s]; inf without any.
+        failed: Whether its planner fails or it leaves the road, so that to hit nothing says nothing.
     """
 
     grid: Grid
@@ -77,6 +84,7 @@ class Verdicts:
     crash: Bools
     impact_speed: Floats
     ttc_min: Floats
+    failed: Bools
 
 
 def has_driver(manoeuvre: str, driver: str) -> bool:
@@ -95,7 +103,7 @@ def reference(grid: Grid, driver: str) -> Verdicts:
         InputError: The driver is not defined for the manoeuvre, or a case has a number that is none.
     """
     found = _law(grid.manoeuvre)(driver, **grid.cases)
-    return Verdicts(grid, driver, found.crash, found.impact_speed, found.ttc_min)
+    return Verdicts(grid, driver, found.crash, found.impact_speed, found.ttc_min, np.zeros(len(grid), dtype=np.bool_))
 
 
 def driven(
@@ -123,9 +131,9 @@ def driven(
     rows = [grid.case(row) for row in range(len(grid))]
     chunks = [rows[start : start + _CHUNK] for start in range(0, len(rows), _CHUNK)]
     n_workers = workers or os.cpu_count() or 1
-    endings: list[tuple[bool, float, float]] = []
+    endings: list[_Ending] = []
 
-    def collect(found: Iterable[list[tuple[bool, float, float]]]) -> None:
+    def collect(found: Iterable[list[_Ending]]) -> None:
         for each in found:
             endings.extend(each)
             if on_cases is not None:
@@ -137,9 +145,9 @@ def driven(
         # Started afresh: threads of the core do not survive a fork.
         with ProcessPoolExecutor(n_workers, mp_context=multiprocessing.get_context("spawn")) as pool:
             collect(pool.map(one, chunks))
-    table = np.array(endings, dtype=np.float64).reshape(-1, 3)
+    table = np.array(endings, dtype=np.float64).reshape(-1, 4)
     name = f"{planner} in worlds" if planner in DRIVERS else planner
-    return Verdicts(grid, name, table[:, 0] > 0.0, table[:, 1].copy(), table[:, 2].copy())
+    return Verdicts(grid, name, table[:, 0] > 0.0, table[:, 1].copy(), table[:, 2].copy(), table[:, 3] > 0.0)
 
 
 def table_of(found: Sequence[Verdicts]) -> ArrowTable:
@@ -152,6 +160,7 @@ def table_of(found: Sequence[Verdicts]) -> ArrowTable:
         for name in ("velocity", "other_velocity", "gap", "front_distance", "sideways", "deceleration"):
             columns[name] += one.grid.cases[name].tolist() if name in one.grid.cases else [math.nan] * n
         columns["crash"] += one.crash.tolist()
+        columns["failed"] += one.failed.tolist()
         columns["impact_speed"] += one.impact_speed.tolist()
         columns["ttc_min"] += one.ttc_min.tolist()
         for name in DRIVERS:
@@ -181,7 +190,7 @@ def boundary(grid: Grid, verdict: Callable[[dict[str, float]], bool]) -> list[di
     found = []
     for key in keys:
         case = dict(zip(others, key, strict=True))
-        gaps = sorted(places[key])
+        gaps = sorted(set(places[key]))
         hits = [gap for gap in gaps if verdict({**case, along: gap})]
         if not hits:
             low = high = 0.0
@@ -212,10 +221,8 @@ def _law(manoeuvre: str) -> Callable[..., Endings]:
     return laws[manoeuvre]
 
 
-def _drive(
-    manoeuvre: str, planner: str, predictor: str, cases: Sequence[dict[str, float]]
-) -> list[tuple[bool, float, float]]:
-    """Crash, impact speed and least time to collision of each case with a planner."""
+def _drive(manoeuvre: str, planner: str, predictor: str, cases: Sequence[dict[str, float]]) -> list[_Ending]:
+    """The ending of each case with a planner."""
     return [_ending(_driven(manoeuvre, planner, predictor, case)) for case in cases]
 
 
@@ -251,7 +258,7 @@ def _steps(time: float) -> int:
     return min(_STEPS_MAX, int((time + _AFTERWARDS) / worlds.DT))
 
 
-def _ending(simulation: Simulation) -> tuple[bool, float, float]:
+def _ending(simulation: Simulation) -> _Ending:
     ended, states = simulation.outcomes(), simulation.states()
     crash = ended.outcome[0] == "collision" and int(ended.partner_id[0]) >= 0
     row = int(np.searchsorted(states.participant_id, worlds.EGO))
@@ -265,4 +272,5 @@ def _ending(simulation: Simulation) -> tuple[bool, float, float]:
         counts = states.valid[row] & states.valid[other] & in_way & (gap >= 0.0) & (closing > 0.0)
         if counts.any():
             least = min(least, float((gap[counts] / closing[counts]).min()))
-    return crash, float(ended.impact_speed[0]) if crash else math.nan, least
+    failed = not crash and ended.outcome[0] in _FAILED
+    return crash, float(ended.impact_speed[0]) if crash else math.nan, least, failed

@@ -59,6 +59,8 @@ def alks(
     planners = [] if driver_only else [name for name in planner.split(";") if name]
     if driver_only and planner:
         raise InputError("--driver-only: no planner drives; leave out --planner")
+    if boundary and out is None:
+        raise InputError("--boundary: say with --out DIR where boundary.csv goes")
     folder = _folder(out)
     grids = [read_grid(name, grid) for name in chosen]
     n_cases = sum(len(one) for one in grids)
@@ -143,6 +145,9 @@ def _tell(found: Verdicts) -> None:
     if found.driver != "cc":
         more = int((found.crash & ~reference(found.grid, "cc").crash).sum())
         text += f"; in {more:,} of them a careful and competent driver would not"
+    failed = int(found.failed.sum())
+    if failed:
+        text += f"; in {failed:,} its planner fails or it leaves the road"
     say(text)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from interdrive.config.agent_config import modules_named
@@ -35,11 +36,11 @@ def counterfactual(
         threads: Number of planning threads; results do not depend on it.
 
     Returns:
-        The new run; its records name the planner with which the agent began.
+        The new run; its records name the planner with which the agent began, and it is not repeatable (`verify`).
 
     Raises:
-        InputError: There is no such agent or driver, it has no collision to start from, or the run does not say how to
-            repeat it.
+        InputError: There is no such agent or driver, it has no collision to start from, `at` is not a time step of the
+            run, or the run does not say how to repeat it.
     """
     if driver not in DRIVERS:
         raise InputError(f"there is no reference driver {driver}; there are {', '.join(DRIVERS)}")
@@ -66,8 +67,12 @@ def counterfactual(
     )
     while simulation.time_step < start and not simulation.is_done:
         simulation.step()
+    if simulation.time_step != start:
+        raise InputError(f"counterfactual: time step {start} is not one of the run")
     simulation.world.replace_driver(agent_id, driver)
-    return simulation.run()
+    # No settings name a driver that takes over, so nothing could repeat the run.
+    found = simulation.run()
+    return replace(found, settings={**found.settings, "repeatable": False})
 
 
 def _taken_over(run: Run, agent_id: int) -> int:

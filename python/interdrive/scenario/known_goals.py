@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 #: What agents know of their recording.
 Information: TypeAlias = Literal["timed", "place", "route", "turns"]
 
-#: Nobody wants to be slower than this on a free road [m/s].
+#: No agent wants to be slower than this on a free road [m/s].
 _SPEED_MIN = 5.0
 #: Vehicles that are nearer than this [m] and head the same way within this [rad] show how fast traffic is.
 _NEAR, _SAME_WAY = 100.0, math.radians(60.0)

@@ -109,7 +109,7 @@ def _on_grid(run: Run, window: Window) -> Tracks:
 
 
 def _going_on(states: Floats, start: int) -> Floats:
-    """The states, in which whoever has ended goes on at its last speed and heading."""
+    """The states, in which agents that have ended go on at their last speed and heading."""
     x, y, heading, speed = (table.copy() for table in states)
     for point in range(start + 1, x.shape[1]):
         ended = np.flatnonzero(~np.isfinite(x[:, point]) & np.isfinite(x[:, point - 1]))

@@ -150,7 +150,7 @@ def _summed(steps: Floats) -> Floats:
 
 
 def leaders(tracks: Tracks, rows: Ints) -> tuple[Floats, Floats]:
-    """Gap [m] and closing speed [m/s] of vehicles to whoever is ahead of them in their way; nan without a leader."""
+    """Gap [m] and closing speed [m/s] of vehicles to the vehicle ahead of them in their way; nan without a leader."""
     shape = (len(rows), tracks.x.shape[1])
     gap, closing = np.full(shape, np.nan), np.full(shape, np.nan)
     widths = _LEADER_WIDTHS * (tracks.width[rows, None] + tracks.width)

@@ -33,7 +33,7 @@ PAST = 3.0
 _FIRST, _EVERY, _EVERY_BUSY, _BUSY = 1.0, 8.0, 16.0, 40
 #: Starts of long rollouts in a recording.
 _LONG_STARTS = 4
-#: Words of a file's source or tags that say that nobody drove.
+#: Words in the source or tags of a file that was simulated or invented.
 _NOT_RECORDED = re.compile(r"SUMO|synthes|hand-?crafted|simulat", re.IGNORECASE)
 #: Countries of CommonRoad that are on no map.
 _NOWHERE = re.compile(r"(?<=benchmarkID=\")(?:[CS]-)?(?:ZAM|OSC)(?=[_-])")

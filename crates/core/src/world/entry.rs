@@ -43,7 +43,7 @@ impl World {
         }
     }
 
-    /// The agent overlaps no participant in its first state, and can follow whoever is ahead.
+    /// The agent overlaps no participant in its first state, and can follow the vehicle ahead.
     fn has_room(&self, index: usize) -> bool {
         let agent = &self.drives[index].agent;
         let own = agent.initial_state;

@@ -26,7 +26,7 @@ _COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y")
 _FILE = re.compile(r"(vehicle|pedestrian)_tracks_(\w+)\.csv", re.IGNORECASE)
 #: Tables of vehicles and of pedestrians of SinD.
 _SIND = ("Veh_smoothed_tracks.csv", "Ped_smoothed_tracks.csv")
-#: What INTERACTION calls everybody who is not in a car; who is faster than this on average [m/s] rides.
+#: What INTERACTION calls pedestrians and cyclists alike; those faster than this on average [m/s] are cyclists.
 _WALKS_OR_RIDES, _RIDES = "pedestrian/bicycle", 2.5
 #: Headings of bodies come before those of the motion.
 _HEADINGS = ("psi_rad", "yaw_rad", "heading_rad")

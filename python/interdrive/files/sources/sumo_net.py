@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _WIDTH = 3.2
 #: Lanes of opposite edges lie beside each other if their ends are no farther apart than half their widths and this [m].
 _BESIDE = 0.3
-#: Functions of edges on which nobody drives.
+#: Functions of edges that no vehicle drives on.
 _NO_ROADS = ("crossing", "walkingarea", "connector")
 #: CommonRoad's types of lanes by the vehicles of which one must be allowed.
 _KINDS = (("urban", "", "passenger"), ("busLane", "bus", "bus"), ("bicycleLane", "bike", "bicycle"))
