@@ -215,7 +215,8 @@ def _judge_source_line(said: str, path: object) -> None:
     named = {given.name, *(one.name for one in (given if given.is_dir() else given.parent).iterdir()), ".csv"}
     if not line.startswith("error: ") or "\n" in line or len(line) > 1000:
         raise Broken(f"a refusal is not one line: {said[:2000]!r}")
-    if not any(name in line for name in named) or len(line.rpartition(": ")[2]) < 10:
+    causes = [line.partition(name)[2] for name in named if name in line]
+    if not causes or max(map(len, causes)) < len(": broken"):
         raise Broken(f"a refusal does not name file and cause: {line}")
 
 

@@ -12,18 +12,21 @@ import interdrive as idr
 def test_lanes_and_tracks_of_a_folder_are_one_scenario(tmp_path):
     scenario = idr.read_source(ff.argoverse2(tmp_path / "a"))
     lanelets, obstacles = scenario.lanelets, scenario.obstacles
-    assert scenario.source.keys == ("11", "12", "13")
-    assert lanelets.successors == ((3,), (), ())
-    assert lanelets.adjacent_left.tolist() == [2, 1, -1]
-    assert lanelets.adjacent_left_same_direction.tolist() == [False, False, False]
+    assert scenario.source.keys == ("11", "12", "13", "crosswalk 8")
+    assert lanelets.successors == ((3,), (), (), ())
+    assert lanelets.adjacent_left.tolist() == [2, 1, -1, -1]
+    assert lanelets.adjacent_left_same_direction.tolist() == [False, False, False, False]
     assert lanelets.left_marking[0] == "dashed"
     np.testing.assert_allclose(lanelets.right[0], [[0, 0], [20, 0], [60, 0]])
+    assert scenario.crosswalks == (4,), "between both edges of a crossing"
+    np.testing.assert_allclose(lanelets.left[3][[0, -1]], [[0, 3], [60, 3]])
+    np.testing.assert_allclose(lanelets.right[3][[0, -1]], [[0, 0], [60, 0]])
     assert obstacles.ids.tolist() == [10001, 10002]
     assert obstacles.kinds == ("car", "pedestrian")
     assert obstacles.shapes[0].length == 4.6
     assert obstacles.velocity[1, 0] == pytest.approx(1.4)
     assert scenario.notes == (
-        "left out: 1 BIKE lanes, 1 crosswalk areas, 1 static tracks",
+        "left out: 1 BIKE lanes, 1 static tracks",
         "AV is 10001, focal track is 10002",
     )
 
@@ -66,7 +69,7 @@ def test_the_real_scenario_has_its_lanes_links_and_states(inputs_folder):
     (name, expected), *_ = json.loads((inputs_folder / "expected_misc.json").read_text())["av2"].items()
     scenario = idr.read_source(inputs_folder / "av2" / name)
     lanelets, obstacles = scenario.lanelets, scenario.obstacles
-    assert (len(lanelets.ids), sum(map(len, lanelets.successors))) == (34, 33)
+    assert (len(ff.driven(lanelets)), sum(map(len, lanelets.successors))) == (34, 33)
     assert (len(obstacles.ids), int(obstacles.valid.sum()), obstacles.n_steps) == (48, 2245, 110)
     assert [obstacles.kinds.count(kind) for kind in ("car", "pedestrian", "bicycle")] == [32, 12, 4]
     for number, values in ((10001, expected["AV"]), (10003, expected["focal"])):
@@ -75,4 +78,4 @@ def test_the_real_scenario_has_its_lanes_links_and_states(inputs_folder):
             found = [table[row, step] for table in (obstacles.x, obstacles.y, obstacles.orientation)]
             np.testing.assert_allclose(found, stated, atol=1e-5)
     roads = idr.read_source(inputs_folder / "av2" / "map_only_adcf7d18.json")
-    assert len(roads.lanelets.ids) == 180
+    assert len(ff.driven(roads.lanelets)) == 180

@@ -75,6 +75,11 @@ def neutral_map(folder):
     return folder / "lanes.csv"
 
 
+def driven(lanelets):
+    """Rows of the lanelets that are no crosswalks."""
+    return [row for row, kinds in enumerate(lanelets.types) if "crosswalk" not in kinds]
+
+
 def argoverse2(folder):
     """A scenario of Argoverse 2 with two lanes, a car and a pedestrian, in a folder; its path."""
     import pyarrow as pa

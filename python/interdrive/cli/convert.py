@@ -13,6 +13,9 @@ from interdrive.errors import InputError
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
+#: What a yield sign is worth for the way straight on (`Priorities.ranks`).
+_YIELD = 2
+
 
 @click.command()
 @click.argument("source", metavar="SOURCE")
@@ -94,14 +97,24 @@ def _summary(name: str, scenario: Scenario) -> str:
     """What was written, and what was left out, in one line."""
     import numpy as np  # noqa: PLC0415
 
-    lanelets = scenario.lanelets
-    borders = zip(lanelets.left, lanelets.right, strict=True)
-    metres = sum(float(np.hypot(*np.diff(0.5 * (left + right), axis=0).T).sum()) for left, right in borders)
+    lanelets, crossed = scenario.lanelets, set(scenario.crosswalks)
+    roads = [row for row, number in enumerate(lanelets.ids.tolist()) if number not in crossed]
+    middles = [0.5 * (lanelets.left[row] + lanelets.right[row]) for row in roads]
+    metres = sum(float(np.hypot(*np.diff(middle, axis=0).T).sum()) for middle in middles)
     counts: list[Any] = [
-        _counted(len(lanelets.ids), "lanelet"),
+        _counted(len(roads), "lanelet"),
         f"{metres / 1000.0:.1f} km",
         _counted(sum(map(len, lanelets.successors)), "link"),
     ]
+    ranks = [rank for _, (_, rank, _) in scenario.priorities.ranks]
+    for number, what in (
+        (len(crossed), "crosswalk"),
+        (len(scenario.traffic_lights), "traffic light"),
+        (sum(line.has_stop_sign for line in scenario.stop_lines), "stop sign"),
+        (ranks.count(_YIELD), "yield sign"),
+    ):
+        if number:
+            counts.append(_counted(number, what))
     if len(scenario.obstacles.ids):
         counts.append(_counted(len(scenario.obstacles.ids), "participant"))
     return "; ".join((f"{name}: {', '.join(counts)}", *scenario.notes))

@@ -12,7 +12,7 @@ from interdrive.scenario.control import SIGNALS, TURNS, Priorities, Signal, Stop
 from interdrive.scenario.lanes import driving_side
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,7 +33,7 @@ _LINE_NEAR = 10.0
 #: A stop line shorter than this [m], or closer than this to the direction of its lanelet [rad], is noted.
 _LINE_SHORT, _LINE_ALONG = 0.1, math.radians(30.0)
 #: What a sign is worth for a turn to the left, straight on and to the right, by its name in commonroad-io or its id.
-_RANKS = {
+RANKS = {
     "STOP": (1, 1, 1),
     "YIELD": (2, 2, 2),
     "ROUNDABOUT": (2, 2, 2),
@@ -47,6 +47,12 @@ _NAMES = {
     **dict.fromkeys(("306", "2.1"), "PRIORITY"),
     "301": "RIGHT_OF_WAY",
     "720": "GREEN_ARROW",
+}
+#: What signs mean for sources of other formats, by their numbers.
+RANK_NAMES = {
+    number: "priority" if name in ("PRIORITY", "RIGHT_OF_WAY") else "stop" if name == "STOP" else "yield"
+    for number, name in _NAMES.items()
+    if name in RANKS
 }
 #: A vehicle that comes from such a lanelet waits.
 _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
@@ -76,7 +82,7 @@ def control(
     stopping = _leading_from(network, lanelets, lambda sign: "STOP" in _names(sign, facts))
     turns = _stated_turns(network)
     arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign, facts))
-    on_red = set(sources) if _country(benchmark_id) in _RIGHT_ON_RED else arrows
+    on_red = set(sources) if may_turn_on_red(benchmark_id) else arrows
     lines = []
     for number in sorted(sources):
         source, row = sources[number], rows[number]
@@ -85,21 +91,51 @@ def control(
         found = sorted(_light_ids(source) & set(known))
         if not (number in stopping or (found and (line is not None or nexts))):
             continue
-        ways, turns_on_red = [], []
-        for following in nexts:
-            way = turns.get(following) or turn_of(lanelets, rows[following])
-            counting = tuple(i for i in found if way in known[i].directions)
-            ways.append((following, counting))
-            held = any(known[i].directions == {"right"} and _can_be_red(known[i]) for i in counting)
-            is_turn = turns.get(following) == "right" or turn_of(lanelets, rows[following], _CORNER) == "right"
-            if is_turn and number in on_red and counting and not held:
-                turns_on_red.append(following)
+        ways, turns_on_red = lights_of_ways(
+            lanelets, rows, number, [known[i] for i in found], turns, on_red=number in on_red
+        )
         points = _stated_ends(source)
         if points is None:
             points = np.array([lanelets.left[row][-1], lanelets.right[row][-1]])
         stops, is_stated = number in stopping, line is not None
-        lines.append(StopLine(number, points, tuple(ways), stops, is_stated, tuple(turns_on_red)))
+        lines.append(StopLine(number, points, ways, stops, is_stated, turns_on_red))
     return lights, tuple(lines)
+
+
+def lights_of_ways(
+    lanelets: Lanelets,
+    rows: Mapping[int, int],
+    number: int,
+    lights: Sequence[TrafficLight],
+    turns: Mapping[int, Turn],
+    *,
+    on_red: bool,
+) -> tuple[tuple[tuple[int, tuple[int, ...]], ...], tuple[int, ...]]:
+    """Which lights count on the way to each following lanelet, and onto which drivers may turn right on red.
+
+    Args:
+        lanelets: The roads.
+        rows: Their rows by id.
+        number: The lanelet that has the lights.
+        lights: Its lights.
+        turns: Turns that intersections state, by the lanelet that follows.
+        on_red: Whether turns to the right on red are allowed where no light for them alone can be red.
+    """
+    ways, turns_on_red = [], []
+    for following in (other for other in lanelets.successors[rows[number]] if other in rows):
+        way = turns.get(following) or turn_of(lanelets, rows[following])
+        counting = [light for light in lights if way in light.directions]
+        ways.append((following, tuple(light.id for light in counting)))
+        held = any(light.directions == {"right"} and _can_be_red(light) for light in counting)
+        is_turn = turns.get(following) == "right" or turn_of(lanelets, rows[following], _CORNER) == "right"
+        if is_turn and on_red and counting and not held:
+            turns_on_red.append(following)
+    return tuple(ways), tuple(turns_on_red)
+
+
+def may_turn_on_red(benchmark_id: str) -> bool:
+    """Whether drivers of the country may turn right on red without a sign."""
+    return _country(benchmark_id) in _RIGHT_ON_RED
 
 
 def _light(light: Foreign, facts: Facts) -> TrafficLight:
@@ -279,24 +315,37 @@ def _leading_from(network: Foreign, lanelets: Lanelets, wanted: Callable[[Foreig
     signs = {int(sign.traffic_sign_id) for sign in network.traffic_signs if wanted(sign)}
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets} if signs else {}
     rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
+    lined = {number for number, source in sources.items() if source.stop_line is not None}
     found = set()
     for number, source in sources.items():
         line = source.stop_line
         if signs & {int(i) for i in getattr(line, "traffic_sign_ref", None) or ()}:
             found.add(number)
         elif signs & {int(i) for i in source.traffic_signs or ()}:
-            at, left = number, _SIGN_REACH
-            while sources[at].stop_line is None:
-                nexts = [i for i in lanelets.successors[rows[at]] if i in rows]
-                if len(nexts) != 1 or len(lanelets.predecessors[rows[nexts[0]]]) != 1:
-                    break
-                steps = np.diff(lanelets.left[rows[nexts[0]]], axis=0)
-                left -= float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-                if left < 0.0:
-                    break
-                at = nexts[0]
-            found.add(at)
+            found.add(place_of_sign(number, lanelets, rows, lined))
     return found
+
+
+def place_of_sign(number: int, lanelets: Lanelets, rows: Mapping[int, int], lined: Container[int]) -> int:
+    """The lanelet at whose end a sign of a lanelet counts: it, or the last one of a chain without lines and forks.
+
+    Args:
+        number: The lanelet that has the sign.
+        lanelets: The roads.
+        rows: Their rows by id.
+        lined: Lanelets with stop lines.
+    """
+    at, left = number, _SIGN_REACH
+    while at not in lined:
+        nexts = [i for i in lanelets.successors[rows[at]] if i in rows]
+        if len(nexts) != 1 or len(lanelets.predecessors[rows[nexts[0]]]) != 1:
+            break
+        steps = np.diff(lanelets.left[rows[nexts[0]]], axis=0)
+        left -= float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        if left < 0.0:
+            break
+        at = nexts[0]
+    return at
 
 
 def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: Facts) -> Priorities:
@@ -310,9 +359,9 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
     """
     ranks: dict[int, tuple[int, int, int]] = {}
     # Of several signs at a lanelet the lowest rank counts.
-    for name in sorted(_RANKS, key=lambda name: -_RANKS[name][1]):
+    for name in sorted(RANKS, key=lambda name: -RANKS[name][1]):
         here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
-        ranks |= dict.fromkeys(here, _RANKS[name])
+        ranks |= dict.fromkeys(here, RANKS[name])
     turns: list[tuple[int, Turn]] = sorted(_stated_turns(network).items())
     of_map = priorities_of_map(lanelets, benchmark_id)
     return replace(
@@ -350,7 +399,7 @@ def crosswalks(network: Foreign, lanelets: Lanelets) -> tuple[int, ...]:
 
 def is_priority_sign(sign: Foreign, facts: Facts) -> bool:
     """Whether the sign tells which vehicle goes first."""
-    return not _RANKS.keys().isdisjoint(_names(sign, facts))
+    return not RANKS.keys().isdisjoint(_names(sign, facts))
 
 
 def _names(sign: Foreign, facts: Facts) -> set[str]:

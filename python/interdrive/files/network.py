@@ -9,13 +9,14 @@ from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 
 import numpy as np
 
-from interdrive.files.control import turn_of
+from interdrive.files.control import place_of_sign, turn_of
+from interdrive.scenario import StopLine
 from interdrive.scenario.limits import LARGEST_ID
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from interdrive.scenario import Incoming, Scenario, StopLine, TrafficLight
+    from interdrive.scenario import Incoming, Scenario, TrafficLight
 
 #: Names of the sets of ways for which a light counts.
 _DIRECTIONS = {
@@ -184,9 +185,18 @@ def _add_signs_of_control(root: Element, scenario: Scenario, lanelets: dict[int,
             placed.append((line.lanelet_id, _STOP))
         if line.turns_on_red:
             placed.append((line.lanelet_id, _GREEN_ARROW))
+    rows = {number: row for row, number in enumerate(scenario.lanelets.ids.tolist())}
+    lined = {number for number, lanelet in lanelets.items() if lanelet.find("stopLine") is not None}
     for number, sign in placed:
-        if number in lanelets:
-            _add_sign(root, [lanelets[number]], sign, taken, at_line=True)
+        if number not in lanelets:
+            continue
+        if place_of_sign(number, scenario.lanelets, rows, lined) != number:
+            # Read again, it would count where the next junction begins.
+            row = rows[number]
+            ends = np.array([scenario.lanelets.left[row][-1], scenario.lanelets.right[row][-1]])
+            _add_stop_line(lanelets[number], StopLine(number, ends))
+            lined.add(number)
+        _add_sign(root, [lanelets[number]], sign, taken, at_line=True)
 
 
 def add_speed_signs(root: Element, limits: dict[int, float], taken: set[int] | None = None) -> None:

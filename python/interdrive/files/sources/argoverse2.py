@@ -99,10 +99,26 @@ def _roads(document: Mapping[str, Any], options: SourceOptions, notes: Notes, fi
                 setattr(lane, f"{side}_neighbour", (position[other], same))
         roads.lanes.append(lane)
     roads.links = _links({number: kept[number] for number in borders}, position)
-    crossings = document.get("pedestrian_crossings")
-    if isinstance(crossings, dict) and crossings:
-        notes.leave_out("areas", "crosswalk", len(crossings))
+    roads.lanes += _crosswalks(document.get("pedestrian_crossings"), notes)
     return roads
+
+
+def _crosswalks(crossings: object, notes: Notes) -> list[Lane]:
+    """Crosswalks between their two edges."""
+    found = []
+    for key, one in crossings.items() if isinstance(crossings, dict) else ():
+        edges = [points_of(one.get(name) if isinstance(one, dict) else None) for name in ("edge1", "edge2")]
+        if min(map(len, edges)) < 2:
+            notes.name("crosswalks without two edges left out", str(key)[:30])
+            continue
+        left, right = edges
+        if float((left[-1] - left[0]) @ (right[-1] - right[0])) < 0.0:
+            right = right[::-1]
+        ahead, across = left[-1] - left[0], right[0] - left[0]
+        if float(ahead[0] * across[1] - ahead[1] * across[0]) > 0.0:
+            left, right = right, left
+        found.append(Lane(f"crosswalk {str(key)[:30]}", *paired(left, right), kind="crosswalk"))
+    return found
 
 
 def _links(segments: Mapping[int, Mapping[str, Any]], position: Mapping[int, int]) -> list[tuple[int, int]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.files.sources.lanelet2_rules import Place, add_rules
 from interdrive.files.sources.model import Lane, Roads, Source
 from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.pairing import paired
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 _ROADS = {
     **{"": "urban", "road": "urban", "main_road": "urban", "play_street": "urban"},
     **{"highway": "highway", "exit": "exitRamp"},
+    "crosswalk": "crosswalk",
 }
+_CROSSWALK = "crosswalk"
 #: Those that are read on demand: the word of the option, and the type.
 _ON_DEMAND = {
     "bus_lane": ("bus", "busLane"),
@@ -72,8 +75,9 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
         for key, way in _by_id(root.iter("way"), "ways", str(file.path)).items()
     }
     limits = _limits_by_sign(relations)
-    lanes, borders = [], []
-    for key, relation in _by_id(relations, "relations", str(file.path)).items():
+    lanes, borders, crossed = [], [], []
+    elements = _by_id(relations, "relations", str(file.path))
+    for key, relation in elements.items():
         tags = _tags(relation)
         if tags.get("type") != "lanelet":
             continue
@@ -83,13 +87,18 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
             notes.name("lanelets without one left and one right border left out", key)
         if not kind or sides is None:
             continue
-        if tags.get("one_way") == "no":
+        if tags.get("one_way") == "no" and kind != _CROSSWALK:
             notes.name("lanelets for both directions, read in the one in which they are drawn", key)
         left, right = paired(sides[0].places, sides[1].places)
+        if kind == _CROSSWALK:
+            crossed.append(Lane(key, left, right, kind=kind))
+            continue
         lanes.append(Lane(key, left, right, _limit(tags, relation, limits), sides[0].line, sides[1].line, kind))
         borders.append(sides)
     _add_neighbours(lanes, borders)
-    return Source(Roads(lanes, _links(borders), location=location), notes=notes)
+    roads = Roads([*lanes, *crossed], _links(borders), location=location)
+    add_rules(roads, elements, _rule_ways(ways, places), notes)
+    return Source(roads, notes=notes)
 
 
 def _tags(element: Element) -> dict[str, str]:
@@ -291,6 +300,17 @@ def _kind(subtype: str, options: SourceOptions, notes: Notes) -> str:
         return _ROADS.get(subtype, kind)
     notes.leave_out("lanes", subtype[:30])
     return ""
+
+
+def _rule_ways(ways: dict[str, _Way], places: dict[str, tuple[float, float]]) -> dict[str, Place]:
+    """Ways that can be stop lines, signs and lights."""
+    found = {}
+    for key, way in ways.items():
+        kind = way.tags.get("type", "")
+        points = np.array([places[node] for node in way.nodes if node in places])
+        if kind in ("stop_line", "traffic_sign", "traffic_light") and len(points) > 1:
+            found[key] = Place(kind, way.tags.get("subtype", ""), points)
+    return found
 
 
 def _limits_by_sign(relations: Iterable[Element]) -> dict[str, float]:

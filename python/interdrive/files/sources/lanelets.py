@@ -36,7 +36,15 @@ _BLEND = 5.0
 DECIMALS = 4
 
 
-def lanelets_of(roads: Roads, notes: Notes) -> tuple[Lanelets, tuple[str, ...]]:
+@dataclasses.dataclass(frozen=True)
+class Numbers:
+    """What became of lanes, by their positions: the lanelets in which they begin and end."""
+
+    first: dict[int, int]
+    last: dict[int, int]
+
+
+def lanelets_of(roads: Roads, notes: Notes) -> tuple[Lanelets, tuple[str, ...], Numbers]:
     """Lanelets with ids 1, 2, ... in the order of the lanes, and the key of each; coordinates have 4 decimals."""
     for lane in roads.lanes:
         if not (math.isnan(lane.speed_limit) or 0.0 < lane.speed_limit <= LARGEST_SPEED_LIMIT):
@@ -49,7 +57,7 @@ def lanelets_of(roads: Roads, notes: Notes) -> tuple[Lanelets, tuple[str, ...]]:
     order.join_short(notes)
     order.check_links(notes)
     order.check_neighbours()
-    return order.lanelets()
+    return *order.lanelets(), order.numbers()
 
 
 class _Network:
@@ -59,6 +67,9 @@ class _Network:
         self.lanes = lanes
         self.links = list(dict.fromkeys(link for link in links if link[0] != link[1] or _is_closed(lanes[link[0]])))
         self.order = list(range(len(lanes)))
+        #: Lanes that were cut, and their second halves; short ones, and what they were joined to.
+        self.halves: dict[int, int] = {}
+        self.joined: dict[int, int] = {}
 
     def drop_narrow(self, notes: Notes) -> None:
         for place, lane in enumerate(self.lanes):
@@ -99,6 +110,7 @@ class _Network:
             self.order.insert(self.order.index(place) + 1, halves[place])
         if not halves:
             return
+        self.halves = halves
         self.links = [(halves.get(start, start), end) for start, end in self.links]
         self.links += list(halves.items())
         for place, second_place in halves.items():
@@ -177,6 +189,7 @@ class _Network:
         left, right = (np.concatenate([getattr(part, side) for part in parts]) for side in ("left", "right"))
         self.lanes[long] = _cleaned(dataclasses.replace(lane, left=left, right=right), left_hand=False)
         self.lanes[short] = None
+        self.joined[short] = long
         self.links = [(long if a == short else a, long if b == short else b) for a, b in self.links]
         self.links = [link for link in self.links if link[0] != link[1]]
 
@@ -241,10 +254,26 @@ class _Network:
     def _keep_links(self) -> None:
         self.links = [(a, b) for a, b in self.links if self.lanes[a] is not None and self.lanes[b] is not None]
 
+    def numbers(self) -> Numbers:
+        ids = self._ids()
+        first: dict[int, int] = {}
+        last: dict[int, int] = {}
+        for place in range(len(self.lanes)):
+            for found, end in ((first, place), (last, self.halves.get(place, place))):
+                at = end
+                while at in self.joined:
+                    at = self.joined[at]
+                if at in ids:
+                    found[place] = ids[at]
+        return Numbers(first, last)
+
+    def _ids(self) -> dict[int, int]:
+        places = (place for place in self.order if self.lanes[place] is not None)
+        return {place: number for number, place in enumerate(places, 1)}
+
     def lanelets(self) -> tuple[Lanelets, tuple[str, ...]]:
-        places = [place for place in self.order if self.lanes[place] is not None]
-        ids = {place: number for number, place in enumerate(places, 1)}
-        lanes = [lane for place in places if (lane := self.lanes[place]) is not None]
+        ids = self._ids()
+        lanes = [lane for place in ids if (lane := self.lanes[place]) is not None]
         after: dict[int, list[int]] = {number: [] for number in ids.values()}
         before: dict[int, list[int]] = {number: [] for number in ids.values()}
         for start, end in self.links:

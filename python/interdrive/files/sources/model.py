@@ -10,6 +10,7 @@ from interdrive.files.sources.notes import Notes
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats, Ints
+    from interdrive.scenario.control import Signal, Turn
 
 
 @dataclass
@@ -42,18 +43,64 @@ class Lane:
 
 
 @dataclass
+class Sign:
+    """A sign of priority at the end of a lane.
+
+    Attributes:
+        lane: Position of the lane in `Roads.lanes`.
+        kind: "stop", "yield" or "priority".
+        line: Ends of the line before which vehicles stop [m], shape (2, 2); None: the end of the lane.
+    """
+
+    lane: int
+    kind: str
+    line: Floats | None = None
+
+
+@dataclass
+class Light:
+    """Traffic lights that show the same at the end of a lane.
+
+    Attributes:
+        name: Of the lights in the source; those with one name and the same cycle become one light.
+        lane: Position of the lane in `Roads.lanes`.
+        ways: Positions of the lanes that follow for which it counts; empty: all.
+        phases: Signals and how long they last [s]; empty: the source does not say.
+        begin: When the first phase begins [s], in the times of the source's tracks.
+        repeats: The phases repeat; otherwise the last one lasts.
+        line: Ends of the line before which vehicles stop [m], shape (2, 2); None: the end of the lane.
+        turns_on_red: Drivers may turn right on red after stopping.
+        turns: Turns for which it counts; empty: all.
+    """
+
+    name: str
+    lane: int
+    ways: tuple[int, ...] = ()
+    phases: tuple[tuple[Signal, float], ...] = ()
+    begin: float = 0.0
+    repeats: bool = True
+    line: Floats | None = None
+    turns_on_red: bool = False
+    turns: frozenset[Turn] = frozenset()
+
+
+@dataclass
 class Roads:
     """The roads of a source. Lanelets get their ids in the order of the lanes.
 
     Attributes:
-        lanes: All pieces of lanes that vehicles may drive.
+        lanes: All pieces of lanes that vehicles may drive, and crosswalks, whose type of lanelet is "crosswalk".
         links: Pairs of positions in `lanes`: the second begins where the first ends.
+        signs: Signs of priority.
+        lights: Traffic lights.
         left_hand: Whether vehicles drive on the left, as far as the source says; None: it does not.
         location: Where on earth it is, as the source says it, such as a PROJ string; empty: it does not.
     """
 
     lanes: list[Lane]
     links: list[tuple[int, int]] = field(default_factory=list)
+    signs: list[Sign] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
     left_hand: bool | None = None
     location: str = ""
 

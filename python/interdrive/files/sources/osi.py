@@ -17,6 +17,7 @@ from interdrive.files.sources.model import Lane, Roads, Source, Tracks
 from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.opendrive.reader import read as read_opendrive
 from interdrive.files.sources.opening import SourceFile
+from interdrive.files.sources.osi_control import ControlTrace
 from interdrive.files.sources.pairing import paired
 from interdrive.files.sources.polylines import distinct
 from interdrive.scenario.limits import LARGEST_DT, SMALLEST_DT
@@ -63,6 +64,10 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
     if trace.host:
         notes.say(f"the host vehicle is {trace.host}")
     roads = None if options.map is not None else _roads(trace, file, options, notes)
+    if roads is not None:
+        trace.control.add_to(roads, _clock(trace.times)[1], notes)
+    elif n_control := len(trace.control.bulbs) + len(trace.control.signs):
+        notes.leave_out("traffic lights and signs, which belong to lanes of the trace", "", n_control)
     return Source(roads, trace.tracks(notes), notes)
 
 
@@ -141,6 +146,7 @@ class _Trace:
     opendrive: str | bytes = ""
     host: int = 0
     has_offset: bool = False
+    control: ControlTrace = field(default_factory=ControlTrace)
 
     def add(self, truth: Message) -> None:
         time = truth.timestamp.seconds + 1e-9 * truth.timestamp.nanos if truth.timestamp is not None else 0.0
@@ -161,6 +167,7 @@ class _Trace:
         ):
             for one in found:
                 known.setdefault(one.id.value, one)
+        self.control.add(len(self.times) - 1, truth)
         self.has_offset |= truth.proj_frame_offset is not None
         if truth.host_vehicle_id is not None:
             self.host = truth.host_vehicle_id.value

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files.control import priorities_of_map
+from interdrive.files.sources.control import control_of
 from interdrive.files.sources.lanelets import lanelets_of
 from interdrive.files.sources.recorded import far_from_map, recorded
 from interdrive.scenario import Obstacles, Scenario, ScenarioSource
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from interdrive.files.sources.formats import Format
     from interdrive.files.sources.model import Source
     from interdrive.files.sources.opening import SourceFile
-    from interdrive.scenario import SourceOptions
+    from interdrive.scenario import SourceOptions, TrafficLight
 
 #: Country of a map that states none; it drives on the right.
 _NOWHERE = "ZAM"
@@ -60,7 +62,8 @@ def scenario_of(
         # What is measured along the roads takes time and memory by their length.
         require_scenario(scenario, str(file.path))
         dt = options.dt or source.tracks.dt
-        obstacles = recorded(source.tracks, options, lanelets.ids.tolist(), str(file.path), source.notes)
+        taken = [*lanelets.ids.tolist(), *(light.id for light in scenario.traffic_lights)]
+        obstacles = recorded(source.tracks, options, taken, str(file.path), source.notes)
         map_name = str(options.map or "its map") if source.roads is None else "its map"
         bounds = (*lanelets.left, *lanelets.right)
         far_from_map(obstacles, bounds, str(file.path), map_name, source.notes)
@@ -71,6 +74,7 @@ def scenario_of(
         benchmark_id=f"{country}_{re.sub('[^A-Za-z0-9]', '', name) or 'Map'}-1_1_T-1",
         dt=dt,
         obstacles=obstacles,
+        traffic_lights=_at_steps(scenario.traffic_lights, scenario.dt / dt),
         notes=(*source.notes.lines(), *scenario.notes),
     )
     require_scenario(scenario, str(file.path))
@@ -80,12 +84,14 @@ def scenario_of(
 def _on_roads(file: SourceFile, found: Format, options: SourceOptions, source: Source) -> Scenario:
     """A scenario without traffic on the roads of a source."""
     assert source.roads is not None
-    lanelets, keys = lanelets_of(source.roads, source.notes)
-    if not keys:
+    lanelets, keys, numbers = lanelets_of(source.roads, source.notes)
+    if all("crosswalk" in kinds for kinds in lanelets.types):
         kinds = ", ".join(f"{kind} {count}" for kind, count in source.notes.left_out("lanes").items()) or "none"
         raise InputError(f"{file.path}: has no lane that vehicles may drive (lanes: {kinds}); --keep adds types")
     benchmark_id = f"{options.country or _NOWHERE}_Map-1_1_T-1"
     of_map = priorities_of_map(lanelets, benchmark_id)
+    clock = _clock(source, options)
+    found_control = control_of(source.roads, lanelets, numbers, benchmark_id, clock, source.notes)
     if source.roads.left_hand is not None and source.roads.left_hand != of_map.left_hand:
         side, example = ("left", "GBR") if source.roads.left_hand else ("right", "DEU")
         source.notes.say(
@@ -94,13 +100,16 @@ def _on_roads(file: SourceFile, found: Format, options: SourceOptions, source: S
     return Scenario(
         name="",
         benchmark_id=benchmark_id,
-        dt=_USUAL_DT,
+        dt=clock[0],
         lanelets=lanelets,
         obstacles=_no_obstacles(),
         planning_problems=(),
         path=file.path,
         sha256=_hash(file),
-        priorities=of_map,
+        traffic_lights=found_control.lights,
+        stop_lines=found_control.lines,
+        crosswalks=found_control.crosswalks,
+        priorities=replace(of_map, ranks=found_control.ranks),
         source=ScenarioSource(
             format=found.name,
             files=file.files,
@@ -109,6 +118,28 @@ def _on_roads(file: SourceFile, found: Format, options: SourceOptions, source: S
             location=source.roads.location,
         ),
     )
+
+
+def _clock(source: Source, options: SourceOptions) -> tuple[float, float]:
+    """Time between steps and time of step 0 [s], in the source's times."""
+    if source.tracks is None:
+        return options.dt or _USUAL_DT, 0.0
+    times = source.tracks.time[np.isfinite(source.tracks.time)]
+    first = float(times.min()) if options.start is None and len(times) else options.start or 0.0
+    return options.dt or source.tracks.dt, first
+
+
+def _at_steps(lights: tuple[TrafficLight, ...], ratio: float) -> tuple[TrafficLight, ...]:
+    """Lights of a map whose time steps are so many times as long as those of the recording."""
+    if ratio == 1.0:
+        return lights
+    found = []
+    for light in lights:
+        ends = [round(end * ratio) for end in itertools.accumulate(steps for _, steps in light.phases)]
+        phases = zip((signal for signal, _ in light.phases), (0, *ends), ends, strict=False)
+        kept = tuple((signal, end - begin) for signal, begin, end in phases if end > begin)
+        found.append(replace(light, phases=kept, offset=round(light.offset * ratio)))
+    return tuple(found)
 
 
 def _of_map(options: SourceOptions, source: Source) -> SourceOptions:

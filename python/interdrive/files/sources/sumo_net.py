@@ -14,6 +14,7 @@ from interdrive.errors import InputError
 from interdrive.files.sources.model import Lane, Roads, Source
 from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.polylines import distinct, offset
+from interdrive.files.sources.sumo_control import finite, lights_of, signs_of
 
 if TYPE_CHECKING:
     from collections.abc import Container
@@ -28,7 +29,7 @@ _WIDTH = 3.2
 #: Lanes of opposite edges lie beside each other if their ends are no farther apart than half their widths and this [m].
 _BESIDE = 0.3
 #: Functions of edges that no vehicle drives on.
-_NO_ROADS = ("crossing", "walkingarea", "connector")
+_NO_ROADS = ("walkingarea", "connector")
 #: CommonRoad's types of lanes by the vehicles of which one must be allowed.
 _KINDS = (("urban", "", "passenger"), ("busLane", "bus", "bus"), ("bicycleLane", "bike", "bicycle"))
 
@@ -68,21 +69,14 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
         [(places[lane.name], places[following.name]) for lane in lanes.values() for following in lane.after],
         left_hand=left_hand,
     )
+    roads.lights, roads.signs = lights_of(root, places, notes), signs_of(root, places)
+    roads.lanes += _crosswalks(root, notes)
     _set_neighbours(roads, list(lanes.values()), root, left_hand=left_hand)
     location = root.find("location")
     moved = "" if location is None else location.get("netOffset", "")
-    if any(float_of(part, 0.0) != 0.0 for part in moved.split(",")):
+    if any(finite(part, 0.0) != 0.0 for part in moved.split(",")):
         notes.say(f"coordinates are those of the net, whose netOffset is {moved}")
     return Source(roads, notes=notes)
-
-
-def float_of(text: str | None, usual: float) -> float:
-    """A finite number, or the usual one."""
-    try:
-        number = float(text or "")
-    except ValueError:
-        return usual
-    return number if abs(number) < 1e12 else usual
 
 
 def _lanes(root: Element, keep: Container[str], notes: Notes, *, left_hand: bool) -> list[_Lane]:
@@ -92,6 +86,8 @@ def _lanes(root: Element, keep: Container[str], notes: Notes, *, left_hand: bool
     for edge in root.iterfind("edge"):
         function = edge.get("function", "")
         inner = edge.findall("lane")
+        if function == "crossing":
+            continue
         if function in _NO_ROADS:
             notes.leave_out("lanes", function, len(inner))
             continue
@@ -106,10 +102,8 @@ def _lanes(root: Element, keep: Container[str], notes: Notes, *, left_hand: bool
                 notes.name("lanes without a shape of two points, or with the id of another, left out", name)
             else:
                 names.add(name)
-                width, speed = (
-                    float_of(element.get(key), usual) for key, usual in (("width", 0.0), ("speed", math.nan))
-                )
-                index = int(float_of(element.get("index"), place))
+                width, speed = (finite(element.get(key), usual) for key, usual in (("width", 0.0), ("speed", math.nan)))
+                index = int(finite(element.get("index"), place))
                 lanes.append(
                     _Lane(
                         name,
@@ -123,6 +117,19 @@ def _lanes(root: Element, keep: Container[str], notes: Notes, *, left_hand: bool
                     )
                 )
         found += sorted(lanes, key=lambda lane: lane.index if left_hand else -lane.index)
+    return found
+
+
+def _crosswalks(root: Element, notes: Notes) -> list[Lane]:
+    found = []
+    for edge in root.iterfind("edge[@function='crossing']"):
+        for element in edge.iterfind("lane"):
+            middle, width = _shape(element.get("shape", "")), finite(element.get("width"), _WIDTH)
+            if middle is None or not width > 0.0:
+                notes.name("crosswalks without a shape of two points left out", edge.get("id", ""))
+            else:
+                left, right = (offset(middle, side * width / 2.0) for side in (1.0, -1.0))
+                found.append(Lane(edge.get("id", ""), left, right, kind="crosswalk"))
     return found
 
 

@@ -11,6 +11,7 @@ from interdrive.files.sources.centre_lines import CentreLine, lanes_of
 from interdrive.files.sources.json_documents import json_object, numbers_of, points_of
 from interdrive.files.sources.model import Source, Tracks
 from interdrive.files.sources.notes import Notes
+from interdrive.files.sources.womd_control import DT, crosswalks_of, lights_of, signs_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -25,8 +26,6 @@ _LANES, _BIKE = {0: "urban", 1: "highway", 2: "urban"}, 3
 _KINDS = {"vehicle": "car", "pedestrian": "pedestrian", "cyclist": "bicycle"}
 #: Vehicles from this length [m] on are lorries.
 _LORRY = 7.0
-#: Time between states [s].
-_DT = 0.1
 #: The id of an object is this plus its position in the file.
 _FIRST_ID = 100_000
 
@@ -35,10 +34,12 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
     """Reads map and tracks of a scene."""
     name, notes = str(file.path), Notes()
     document = json_object(file.data, name)
-    roads = _roads(_objects(document, "roads", name), options, notes, name)
+    parts = _objects(document, "roads", name)
+    roads = _roads(parts, options, notes, name)
+    roads.signs = signs_of(roads, parts, notes)
+    roads.lights = lights_of(roads, document.get("tl_states"), notes)
+    roads.lanes += crosswalks_of(parts, notes)
     tracks = _tracks(_objects(document, "objects", name), notes)
-    if document.get("tl_states"):
-        notes.leave_out("states", "traffic light", len(document["tl_states"]))
     _say_who(document.get("metadata"), len(document["objects"]), notes)
     return Source(roads, tracks, notes)
 
@@ -54,6 +55,8 @@ def _roads(roads: Sequence[Mapping[str, Any]], options: SourceOptions, notes: No
     lines, edges = [], []
     for position, road in enumerate(roads):
         kind = road.get("type")
+        if kind in ("crosswalk", "stop_sign"):
+            continue
         if kind not in ("lane", "road_edge"):
             notes.leave_out("parts of the map", str(kind)[:30].replace("_", " "))
             continue
@@ -98,12 +101,12 @@ def _tracks(objects: Sequence[Mapping[str, Any]], notes: Notes) -> Tracks:
         is_round=tuple(kind == "pedestrian" for kind in kinds),
         is_static=(False,) * len(kinds),
         track=track.astype(np.int64),
-        time=step * _DT,
+        time=step * DT,
         x=x,
         y=y,
         heading=heading,
         speed=speed,
-        dt=_DT,
+        dt=DT,
     )
 
 

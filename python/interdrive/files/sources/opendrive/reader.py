@@ -13,6 +13,7 @@ from interdrive.files.sources.opendrive.borders import borders_of
 from interdrive.files.sources.opendrive.lines import line_names
 from interdrive.files.sources.opendrive.links import LaneKey, links_of
 from interdrive.files.sources.opendrive.records import number_or, roads_of
+from interdrive.files.sources.opendrive.signals import add_signals
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,10 +67,14 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
         types = "; ".join((types, *(line for line in notes.lines() if line.startswith("roads left out"))))
         raise InputError(f"{file.path}: has no lane that vehicles may drive (types: {types}); --keep adds types")
     links = [(places[a], places[b]) for a, b in links_of(roads, root, notes) if a in places and b in places]
-    _infer_speeds(lanes, links, [roads[key.road].junction != "" for key in places])
-    _count_rest(root, notes)
-    left_hand = Counter(road.left_hand for road in roads.values()).most_common(1)[0][0]
-    return Source(Roads(lanes, links, left_hand=left_hand, location=_location(root)), notes=notes)
+    found = Roads(lanes, links, location=_location(root))
+    connecting = [roads[key.road].junction != "" for key in places]
+    add_signals(found, root, roads, places, move, notes)
+    _infer_speeds(lanes, links, connecting)
+    if any(root.iter("include")):
+        notes.say("files named by <include> are not read")
+    found.left_hand = Counter(road.left_hand for road in roads.values()).most_common(1)[0][0]
+    return Source(found, notes=notes)
 
 
 def _read_section(
@@ -157,7 +162,9 @@ def _infer_speeds(lanes: list[Lane], links: list[tuple[int, int]], is_connecting
     for start, end in links:
         before[end].append(start)
         after[start].append(end)
-    open_lanes = {place for place, lane in enumerate(lanes) if is_connecting[place] and math.isnan(lane.speed_limit)}
+    # Crosswalks come last, and connect nothing.
+    connecting = zip(lanes, is_connecting, strict=False)
+    open_lanes = {place for place, (lane, inner) in enumerate(connecting) if inner and math.isnan(lane.speed_limit)}
     waiting = deque(sorted(open_lanes))
     while waiting:
         place = waiting.popleft()
@@ -184,18 +191,3 @@ def _move(root: Element, wanted: str, notes: Notes) -> tuple[float, float]:
 
 def _location(root: Element) -> str:
     return " ".join((root.findtext("header/geoReference") or "").split())
-
-
-def _count_rest(root: Element, notes: Notes) -> None:
-    """Counts what has no place in a scenario."""
-    objects, signals, lights = 0, 0, 0
-    for road in root.iterfind("road"):
-        objects += len(road.findall("objects/object"))
-        for signal in road.iterfind("signals/signal"):
-            lights += signal.get("dynamic") == "yes"
-            signals += signal.get("dynamic") != "yes"
-    for count, what in ((objects, "objects"), (lights, "traffic lights, whose cycles are unknown"), (signals, "signs")):
-        if count:
-            notes.leave_out(what, "", count)
-    if any(root.iter("include")):
-        notes.say("files named by <include> are not read")
