@@ -163,8 +163,8 @@ def _ends(
     if kind == "stop" and signal.road.junction and driven < 0.5 * (section.end - section.start):
         return before.get(place, [])
     passed = {place}
-    while len(nexts := along.get(place, ())) == 1 and nexts[0] not in passed:
-        place = nexts[0]
+    while len(nexts := along.get(place, [])) == 1 and nexts[0] not in passed:
+        [place] = nexts
         passed.add(place)
     return [place]
 
