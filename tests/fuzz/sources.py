@@ -51,7 +51,7 @@ def _opendrive() -> bytes:
         '<laneLink from="-1" to="-1"/></connection></junction>'
     )
     return xodr.document(
-        xodr.road(1, shapes, lanes, length=70.0, more=banked, after='elementType="junction" elementId="9"'),
+        xodr.road(1, shapes, lanes, length=70.0, more=banked + _SIGNALS, after='elementType="junction" elementId="9"'),
         xodr.road(
             2, xodr.geometry(cubic, 30.6, x=66.0, y=15.0, heading=0.6), xodr.section(xodr.lane(0), xodr.lane(-1)),
             length=30.6, junction=9, rule="RHT",
@@ -61,17 +61,54 @@ def _opendrive() -> bytes:
     ).encode()  # fmt: skip
 
 
+_SIGNALS = """<objects><object id="7" type="crosswalk" s="30" t="0" hdg="1.57"><outline><cornerLocal u="4" v="1"/>
+<cornerLocal u="4" v="-1"/><cornerLocal u="-4" v="-1"/><cornerLocal u="-4" v="1"/></outline></object>
+<object id="8" type="crosswalk" s="50" t="0" length="3" width="8"/></objects>
+<signals><signal id="1" s="60" t="-4" orientation="+" type="206" dynamic="no"/>
+<signal id="2" s="58" t="-2" orientation="+" type="294" dynamic="no"/>
+<signal id="3" s="5" t="3" orientation="-" type="205" country="DE"><validity fromLane="1" toLane="1"/></signal>
+<signal id="4" s="0" t="-4" orientation="+" type="274" value="50" unit="km/h"/>
+<signalReference id="3" s="3" t="0" orientation="+"/></signals>"""
 _NET = """<net version="1.20"><location netOffset="10.00,0.00"/>
 <edge id=":b_0" function="internal"><lane id=":b_0_0" index="0" speed="8.0" shape="100.00,-1.60 106.00,-1.60"/></edge>
+<edge id=":b_c0" function="crossing"><lane id=":b_c0_0" index="0" speed="1" width="4" shape="96,2 96,-4"/></edge>
 <edge id="in" from="a" to="b">
 <lane id="in_0" index="0" speed="13.9" width="2.0" allow="bicycle" shape="0.00,-7.40 100.00,-7.40"/>
 <lane id="in_1" index="1" speed="13.9" shape="0.00,-4.80 50.00,-4.90 100.00,-4.80"/>
 <lane id="in_2" index="2" speed="13.9" shape="0.00,-1.60 100.00,-1.60"/></edge>
 <edge id="back" from="b" to="a"><lane id="back_0" index="0" speed="13.9" shape="100.00,1.60 0.00,1.60"/></edge>
 <edge id="out" from="b" to="c"><lane id="out_0" index="0" speed="16.7" shape="106.00,-1.60 200.00,-1.60"/></edge>
-<connection from="in" to="out" fromLane="2" toLane="0" via=":b_0_0"/>
+<tlLogic id="b" type="static" programID="0" offset="5"><phase duration="30" state="Gr"/><phase duration="3" state="yr"/>
+<phase duration="27" state="rs"/></tlLogic><junction id="b" type="priority"/>
+<connection from="in" to="out" fromLane="2" toLane="0" via=":b_0_0" tl="b" linkIndex="0" dir="s" state="o"/>
+<connection from="in" to="out" fromLane="1" toLane="0" dir="r" state="m"/>
 <connection from=":b_0" to="out" fromLane="0" toLane="0"/></net>
 """
+
+
+_RULES = """<way id="900"><nd ref="1"/><nd ref="2"/><tag k="type" v="stop_line"/></way>
+<relation id="901"><member type="way" role="ref_line" ref="900"/><tag k="type" v="regulatory_element"/>
+<tag k="subtype" v="traffic_light"/></relation>
+<relation id="902"><member type="relation" role="yield" ref="201"/><member type="way" role="ref_line" ref="900"/>
+<tag k="type" v="regulatory_element"/><tag k="subtype" v="right_of_way"/></relation>
+<relation id="903"><member type="relation" role="yield" ref="204"/><tag k="type" v="regulatory_element"/>
+<tag k="subtype" v="all_way_stop"/></relation></osm>"""
+
+
+def _lanelet2() -> bytes:
+    text: str = ff.lanelet2(local=False)
+    return text.replace("</osm>", _RULES).encode()
+
+
+def _scene() -> dict[str, object]:
+    """A scene with a light, a stop sign at a lane's end, and a crosswalk."""
+    scene = ff.womd()
+    words = ["unknown", "arrow_stop", "arrow_stop", "go", "caution"]
+    scene["tl_states"] = {"3": {"state": words, "time_index": [0, 1, 2, 3, 4], "x": [60.0], "y": [1.75]}}
+    for kind, points in (("stop_sign", [(59, -1)]), ("crosswalk", [(40, -1), (43, -1), (43, 8), (40, 8)])):
+        geometry = [{"x": float(x), "y": float(y), "z": 0.0} for x, y in points]
+        scene["roads"].append({"type": kind, "geometry": geometry, "map_element_id": 18, "id": 50})
+    return scene
 
 
 @cache
@@ -84,9 +121,9 @@ def formats() -> dict[str, tuple[dict[str, bytes], str, dict[str, str]]]:
     return {
         "opendrive": ({"map.xodr": _opendrive()}, "map.xodr", {"keep": "bus"}),
         "sumo": ({"map.net.xml": _NET.encode()}, "map.net.xml", {"keep": "bike"}),
-        "lanelet2": ({"map.osm": ff.lanelet2(local=False).encode()}, "map.osm", {"keep": "bus"}),
+        "lanelet2": ({"map.osm": _lanelet2()}, "map.osm", {"keep": "bus"}),
         "argoverse2": (argoverse, "", {"keep": "bike"}),
-        "womd": ({"scene.json": json.dumps(ff.womd()).encode()}, "scene.json", {}),
+        "womd": ({"scene.json": json.dumps(_scene()).encode()}, "scene.json", {}),
         "neutral": ({"tracks.csv": ff.tracks(ff.car()).encode(), **lanes}, "tracks.csv", on_lanes),
         "interaction": (
             {
@@ -101,7 +138,8 @@ def formats() -> dict[str, tuple[dict[str, bytes], str, dict[str, str]]]:
         "ind": ({**{name: text.encode() for name, text in ff.IND.items()}, **lanes}, "00_tracks.csv", {
             **on_lanes, "shift": "-40,32",
         }),
-        "osi": ({"trace.osi": ff.osi_trace(ff.osi_messages())}, "trace.osi", {}),
+        "osi": ({"trace.osi": ff.osi_trace(ff.osi_control(ff.osi_messages()))}, "trace.osi", {}),
+        "mcap": ({"trace.mcap": ff.osi_mcap(ff.osi_control(ff.osi_messages(11)))}, "trace.mcap", {}),
     }  # fmt: skip
 
 

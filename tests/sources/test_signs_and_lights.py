@@ -349,47 +349,7 @@ def test_a_crosswalk_of_a_scene_has_its_outline(scene):
 
 
 def test_bulbs_of_a_trace_are_lights_of_their_lane_over_time(tmp_path):
-    import betterosi as osi
-
-    lamp, sign = osi.TrafficLight.Classification, osi.TrafficSign.MainSign
-    assigned = [osi.Identifier(value=20)]
-    messages = ff.osi_messages()
-    boundaries = [
-        osi.LaneBoundary(
-            id=osi.Identifier(value=number),
-            boundary_line=[osi.LaneBoundary.BoundaryPoint(position=osi.Vector3d(x=x, y=y, z=0.0)) for x in (100, 150)],
-        )
-        for number, y in ((31, 3.5), (32, 0.0))
-    ]
-    following = osi.Lane.Classification(
-        type=osi.Lane.Classification.Type.DRIVING,
-        centerline=[osi.Vector3d(x=x, y=1.75, z=0.0) for x in (100.0, 150.0)],
-        centerline_is_driving_direction=True,
-        left_lane_boundary_id=[osi.Identifier(value=31)],
-        right_lane_boundary_id=[osi.Identifier(value=32)],
-        lane_pairing=[osi.Lane.Classification.LanePairing(antecessor_lane_id=osi.Identifier(value=20))],
-    )
-    messages[0].lane.append(osi.Lane(id=osi.Identifier(value=30), classification=following))
-    messages[0].lane_boundary.extend(boundaries)
-    for at, message in enumerate(messages):
-        for number, (colour, lit) in enumerate((("RED", at < 10), ("YELLOW", 5 <= at < 10), ("GREEN", at >= 10)), 40):
-            said = lamp(
-                color=lamp.Color[colour],
-                mode=lamp.Mode.CONSTANT if lit else lamp.Mode.OFF,
-                icon=lamp.Icon.NONE,
-                assigned_lane_id=assigned,
-            )
-            message.traffic_light.append(osi.TrafficLight(id=osi.Identifier(value=number), classification=said))
-    stop = sign.Classification(type=sign.Classification.Type.STOP, assigned_lane_id=assigned)
-    messages[0].traffic_sign.append(osi.TrafficSign(id=osi.Identifier(value=50), main_sign=sign(classification=stop)))
-    zebra = osi.RoadMarking.Classification(
-        type=osi.RoadMarking.Classification.Type.PAINTED_TRAFFIC_SIGN,
-        traffic_main_sign_type=sign.Classification.Type.ZEBRA_CROSSING,
-    )
-    base = osi.BaseStationary(
-        dimension=osi.Dimension3d(length=3.0, width=8.0, height=0.0), position=osi.Vector3d(x=50.0, y=2.0, z=0.0)
-    )
-    messages[0].road_marking.append(osi.RoadMarking(id=osi.Identifier(value=51), classification=zebra, base=base))
+    messages = ff.osi_control(ff.osi_messages())
     path = tmp_path / "trace.osi"
     path.write_bytes(ff.osi_trace(messages))
     scenario = whole(path)

@@ -126,7 +126,8 @@ def _at_lines(lanes: Sequence[Lane], lines: Sequence[Floats]) -> list[int]:
             across = line[-1] - line[0]
             size = float(np.hypot(*across) * np.hypot(*ahead))
             is_near = lane.kind != "crosswalk" and size > 0.0 and _distance(line, end) <= _AT_LINE
-            if is_near and abs(float(across @ ahead)) <= _ALONG_LINE * size:
+            share = float((end - line[0]) @ across) / max(float(across @ across), 1e-12)
+            if is_near and 0.0 <= share <= 1.0 and abs(float(across @ ahead)) <= _ALONG_LINE * size:
                 found.append(place)
                 break
     return found
