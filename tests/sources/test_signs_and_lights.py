@@ -103,6 +103,13 @@ def test_an_edge_of_a_net_from_which_all_ways_give_way_has_signs(net):
     assert not net('<junction id="b" type="right_before_left"/>').priorities.ranks
 
 
+def test_a_lane_of_a_net_may_have_a_light_and_a_sign(net):
+    scenario = net(PROGRAM + '<junction id="b" type="priority"/>', 'tl="b" linkIndex="0" state="o"', 'state="m"')
+    number = by_key(scenario)["in_0"]
+    assert dict(scenario.priorities.ranks)[number] == YIELD
+    assert len(scenario.traffic_lights) == 1
+
+
 def test_a_crossing_of_a_net_is_a_crosswalk(net):
     scenario = net()
     assert scenario.crosswalks == (by_key(scenario)[":b_c0"],)
@@ -396,6 +403,7 @@ def test_crosswalks_and_stop_signs_of_real_maps_are_all_there(inputs_folder):
     for name, n_crosswalks, n_lights in (("SinD_Tianjin", 4, 4), ("kashiwanoha", 4, 1), ("rounD_0", 7, 0)):
         scenario = idr.read_source(inputs_folder / "osm" / f"{name}.osm")
         assert (len(scenario.crosswalks), len(scenario.traffic_lights)) == (n_crosswalks, n_lights), name
+        assert name != "SinD_Tianjin" or len(scenario.stop_lines) == 10, "as many as lanes that lead to its 4 lines"
     for name in ("4lane", "lefthand"):
         scenario = idr.read_source(inputs_folder / "sumo" / f"{name}.net.xml")
         assert sum(steps for _, steps in scenario.traffic_lights[0].phases) == 900, "a cycle of 90 s"

@@ -137,7 +137,7 @@ def _line(
         ways,
         has_stop_sign=bool(stops),
         # A sign without a line counts where the next junction begins, which may be behind the lane.
-        is_stated=stated is not None or bool(stops) or bool(turns_on_red),
+        is_stated=stated is not None or bool(signs) or bool(turns_on_red),
         turns_on_red=turns_on_red,
     )
 
