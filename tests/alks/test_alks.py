@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from interdrive import InputError
-from interdrive.alks import Grid, boundary, cut_in_figures, driven, grid, hits, reference, table_of, worlds
+from interdrive.alks import Grid, boundary, case_figures, driven, grid, reference, table_of, verdicts, worlds
 from interdrive.cli import main
+from interdrive.storage import origin_of
 
 GRID = """
 [cut_in]
@@ -80,13 +81,41 @@ def test_a_file_that_says_no_grid_is_refused_in_one_line(tmp_path, text, words):
     assert "\n" not in str(refused.value)
 
 
+def hits(kind, driver, **case):
+    return bool(reference(Grid(kind, {name: np.array([value]) for name, value in case.items()}), driver).crash[0])
+
+
 def test_the_boundary_is_the_least_gap_from_which_on_nothing_is_hit(file):
-    cases = grid("cut_in", str(file))
-    (row,) = boundary(cases, hits("cut_in", "cc"))
+    (row,) = boundary(reference(grid("cut_in", str(file)), "cc"))
     case = {name: row[name] for name in ("velocity", "other_velocity", "sideways")}
     assert 45.0 < row["gap"] < 85.0, "m"
-    assert not hits("cut_in", "cc")({**case, "gap": row["gap"]})
-    assert hits("cut_in", "cc")({**case, "gap": row["gap"] - 0.2})
+    assert not hits("cut_in", "cc", **case, gap=row["gap"])
+    assert hits("cut_in", "cc", **case, gap=row["gap"] - 0.2)
+
+
+def test_the_boundary_of_followings_is_the_hardest_braking_that_is_coped_with():
+    cases = Grid("following", {"velocity": np.full(10, 35.0), "deceleration": np.linspace(1.0, 9.8, 10)})
+    (row,) = boundary(reference(cases, "rss"))
+    assert 6.0 < row["deceleration"] < 9.8, "m/s²"
+    assert not hits("following", "rss", velocity=35.0, deceleration=row["deceleration"])
+    assert hits("following", "rss", velocity=35.0, deceleration=row["deceleration"] + 0.2)
+    assert boundary(reference(cases, "cc")) == [{"velocity": 35.0, "deceleration": np.inf}], "all are avoided"
+
+
+def test_the_boundary_of_a_planner_drives_only_what_lies_between_cases(file, monkeypatch):
+    found = driven(grid("cut_in", str(file)), "idm", predictor="constant_velocity", workers=1)
+    assert found.crash.any()
+    assert not found.crash.all()
+    again, drive = [], verdicts.driven
+    monkeypatch.setattr(
+        verdicts, "driven", lambda cases, *rest, **more: again.append(cases) or drive(cases, *rest, **more)
+    )
+    (row,) = boundary(found, workers=1)
+    gaps = [float(cases.cases["gap"][0]) for cases in again]
+    assert not set(gaps) & set(found.grid.cases["gap"].tolist())
+    assert len(gaps) == 8, "20 m are halved until 0.1 m is left"
+    largest = found.grid.cases["gap"][found.crash].max()
+    assert largest < row["gap"] <= largest + 20.0
 
 
 def test_a_planner_is_driven_through_every_case_with_any_number_of_workers(file):
@@ -100,7 +129,7 @@ def test_a_planner_is_driven_through_every_case_with_any_number_of_workers(file)
     assert table["driver"] == ["idm"] * 5 + ["r157"] * 5
     assert table["preventable_cc"][:5] == (~reference(cases, "cc").crash).tolist()
     assert table["deceleration"] == [None] * 10
-    (name, figure), *others = cut_in_figures(found)
+    (name, figure), *others = case_figures(found)
     assert (name, others) == ("cut_in_90_30", [])
     assert figure.axes[0].get_ylabel() == "gap [m]"
 
@@ -155,8 +184,12 @@ def test_the_command_writes_tables_and_figures_and_one_line_per_driver(file, tmp
     assert "of them a careful and competent driver would not" in text
     assert pq.read_table(out / "alks.parquet").num_rows == 5 * 4 + 3 + 3
     with (out / "boundary.csv").open(newline="") as table:
-        assert len(list(csv.DictReader(table))) == 4 + 3
-    assert (out / "cut_in_90_30_cc.png").exists()
+        assert len(list(csv.DictReader(table))) == 4 + 3 + 3
+    for name in ("cut_in_90_30_cc", "cut_out_72_fsm", "following_rss"):
+        assert (out / f"{name}.png").exists()
+    origin = origin_of(pq.read_table(out / "alks.parquet"))
+    assert origin.settings["grid"] == str(file)
+    assert list(origin.inputs) == [str(file)]
 
 
 @pytest.mark.parametrize(
@@ -201,4 +234,23 @@ def test_a_planner_that_fails_avoids_nothing(tmp_path, monkeypatch, file):
 def test_a_gap_that_stands_twice_in_a_grid_does_not_move_the_boundary(file):
     cases = grid("cut_in", file)
     twice = Grid(cases.manoeuvre, {name: np.concatenate([values, values]) for name, values in cases.cases.items()})
-    assert boundary(twice, hits("cut_in", "cc")) == boundary(cases, hits("cut_in", "cc"))
+    assert boundary(reference(twice, "cc")) == boundary(reference(cases, "cc"))
+
+
+def test_where_a_planner_fails_nothing_is_avoided_in_boundaries_and_figures(file):
+    avoided = reference(grid("cut_in", file), "fsm")
+    failing = replace(avoided, crash=np.zeros(5, dtype=bool), failed=np.ones(5, dtype=bool))
+    assert [row["gap"] for row in boundary(failing)] == [np.inf]
+    ((_, figure),) = case_figures(failing)
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels[0] == "fsm fails"
+
+
+def test_planners_are_compared_only_with_drivers_that_begin_where_they_do(file):
+    cases = grid("following", file)
+    found = driven(cases, "idm", predictor="constant_velocity", workers=1)
+    table = table_of([found, reference(cases, "rss")]).to_pydict()
+    assert table["preventable_rss"] == [None] * len(cases) + [True] * len(cases)
+    assert table["preventable_cc"] == [True] * 2 * len(cases)
+    ((name, figure),) = case_figures(found)
+    assert (name, len(figure.axes[0].get_lines())) == ("following", 0)

@@ -11,6 +11,7 @@ from drivers import Straight
 import interdrive as idr
 from interdrive.alks import worlds
 from interdrive.cli import main
+from interdrive.files import write_scenario
 from interdrive.panel import counterfactual
 from interdrive.reference_drivers import DRIVERS
 from interdrive.scoring import preventability, score, score_table
@@ -31,7 +32,9 @@ def test_a_slower_leader_is_avoided_by_all_and_the_words_say_so():
     assert np.isnan(found.impact_speed["cc"][0])
     assert found.distance["cc"][0] > 1.0, "m"
     assert found.words[0].startswith("a careful and competent driver (UN R157) would have avoided this collision at ")
-    assert "from 15.0 m/s" in found.words[0]
+    assert "5 was in the agent's way from 0.0 s on, when both were there first, 10.8 s before" in found.words[0]
+    assert "braking from 15.0 m/s to" in found.words[0]
+    assert found.words[0].endswith("so would r157, rss and fsm")
 
 
 def test_scores_say_which_drivers_would_have_avoided_a_collision():
@@ -66,6 +69,27 @@ def test_crossing_traffic_has_no_verdict():
     assert np.isnan(found.preventable["cc"][0])
     assert found.witness(0, "cc") is None
     assert found.words == ("UN R157 has no reference driver for crossing traffic",)
+
+
+def test_oncoming_traffic_is_not_told_as_crossing():
+    towards = Car(5, 200.0, velocity=8.0, orientation=np.pi)
+    found = preventability(driven([towards]))
+    assert found.undefined == ("oncoming",)
+    assert found.words == ("UN R157 has no reference driver for oncoming traffic",)
+
+
+def test_words_name_the_one_that_left_its_lane_and_drivers_that_differ():
+    lanes = straight_road(400.0, lanes=2)
+    steered = preventability(driven([Car(5, 24.0, 3.5, velocity=14.9)], lanelets=lanes, orientation=0.05))
+    assert steered.entry == ("agent",)
+    assert "the agent left its lane into the way of 5 at 2.2 s, 0.05 s before" in steered.words[0]
+    assert steered.words[0].endswith("; nor would r157, rss or fsm")
+    entered = preventability(driven([Car(5, 40.0, 3.5, velocity=8.0, orientation=-0.2)], lanelets=lanes))
+    assert entered.entry == ("partner",)
+    assert (
+        "5 came into the agent's way at 0.9 s, 1.2 s before, and it would have hit it with 3.6 m/s" in entered.words[0]
+    )
+    assert entered.words[0].endswith("; nor would rss or fsm; r157 would have")
 
 
 def test_a_near_miss_is_judged_too():
@@ -132,10 +156,40 @@ def test_the_command_prints_the_table_and_stores_it(tmp_path):
         result = CliRunner().invoke(main, arguments)
         assert result.exit_code == 0
         assert words in " ".join((result.stdout + result.stderr).split())
+    drives = pq.read_table(folder / "preventability_drives.parquet").to_pydict()
+    witness = preventability(idr.load(folder)).witness(0, "cc")
+    assert [x for x, driver in zip(drives["x"], drives["driver"], strict=True) if driver == "cc"] == witness.x.tolist()
+    assert set(drives["driver"]) == set(DRIVERS)
     table = pq.read_table(folder / "preventability.parquet")
     assert table.column("preventable_cc").to_pylist() == [True]
     assert table.column("impact_speed_cc").to_pylist() == [None]
     idr.load(folder)
+
+
+def test_a_batch_is_judged_by_planner_and_one_broken_run_is_left_out(tmp_path):
+    scenario = tmp_path / "late.xml"
+    agent = problem(100, 20.0, velocity=15.0, goal=(360.0, 0.0), time_step=(0, 200))
+    write_scenario(world(straight_road(400.0), cars=[Car(5, 32.0)], problems=[agent], steps=200), scenario)
+    out = tmp_path / "batch"
+    idr.batch(scenario, out, planner=["idm", "lawful"], predictor="constant_velocity", workers=1, keep="all")
+
+    def judged(*more):
+        result = CliRunner().invoke(main, ["preventability", str(out), *more])
+        return result.exit_code, " ".join(result.stdout.split()), " ".join(result.stderr.split())
+
+    code, text, _ = judged("--workers", "1")
+    assert code == 0
+    assert "idm collisions 1 0 0 0 0 0" in text, "planner, number, no verdict, and what each driver avoids"
+    assert "lawful collisions 1 0 0 0 0 0" in text
+    _, table, _ = judged("--csv", "--workers", "2")
+    assert table.startswith("scenario,planner,seed,run,agent_id,")
+    assert ",idm,0," in table
+    next((out / "recordings").glob("*/states.parquet")).write_bytes(b"no table")
+    code, text, left_out = judged("--workers", "1")
+    assert code == 1
+    assert left_out.startswith("left out: ")
+    assert "states.parquet" in left_out
+    assert text.count("collisions 1 0") == 1
 
 
 def test_the_careful_driver_has_no_collision_that_it_would_have_avoided():

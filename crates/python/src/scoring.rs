@@ -136,6 +136,7 @@ impl PyTraffic {
         let found = detached(py, || preventability(&self.traffic, &conflicts))?;
         let dict = PyDict::new(py);
         dict.set_item("undefined", found.iter().map(|one| one.undefined.name()).collect::<Vec<_>>())?;
+        dict.set_item("entry", found.iter().map(|one| one.entry.name()).collect::<Vec<_>>())?;
         dict.set_item("from_time_step", arrays::row(py, found.iter().map(|one| one.from).collect()))?;
         dict.set_item("velocity", arrays::row(py, found.iter().map(|one| one.velocity).collect()))?;
         dict.set_item("time", arrays::row(py, found.iter().map(|one| one.time).collect()))?;

@@ -7,7 +7,7 @@ found.crash.sum()
 Definitions and limits: docs/how_to/alks.md.
 """
 
-from interdrive.alks.figures import cut_in_figures
+from interdrive.alks.figures import case_figures
 from interdrive.alks.grids import GRIDS, MANOEUVRES, Grid, grid
 from interdrive.alks.verdicts import (
     ALKS_COLUMNS,
@@ -15,7 +15,7 @@ from interdrive.alks.verdicts import (
     boundary,
     driven,
     has_driver,
-    hits,
+    is_comparable,
     reference,
     table_of,
 )
@@ -27,11 +27,11 @@ __all__ = [
     "Grid",
     "Verdicts",
     "boundary",
-    "cut_in_figures",
+    "case_figures",
     "driven",
     "grid",
     "has_driver",
-    "hits",
+    "is_comparable",
     "reference",
     "table_of",
 ]

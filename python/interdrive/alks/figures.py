@@ -1,20 +1,21 @@
-"""Which cut-ins are avoided: gap over sideways speed, one figure per pair of speeds."""
+"""Which cases are avoided: one figure per pair of speeds of cut-ins, per speed of cut-outs, and one of followings."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from interdrive.alks.verdicts import reference
+from interdrive.alks.verdicts import boundary, has_driver, is_comparable, reference
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
+
+    from matplotlib.axes import Axes
 
     from interdrive.alks.verdicts import Verdicts
-    from interdrive.array_types import Floats
+    from interdrive.array_types import Bools
 
 #: What happens in a case with a planner, beside the careful and competent driver; and its colour.
 CLASSES = {
@@ -22,47 +23,78 @@ CLASSES = {
     "only cc hits": "#0072B2",
     "both hit": "#6f6f6f",
     "only {} hits": "#D55E00",
+    "{} fails": "#000000",
 }
 _LINES = {"r157": "#009E73", "rss": "#CC79A7", "fsm": "#56B4E9"}
+_OWN = "#000000"
+#: By manoeuvre what is drawn over what, and of which numbers there is a figure each.
+_AXES = {
+    "cut_in": ("gap", "sideways", ("velocity", "other_velocity")),
+    "cut_out": ("front_distance", "sideways", ("velocity",)),
+    "following": ("deceleration", "velocity", ()),
+}
+_LABELS = {
+    "gap": "gap [m]",
+    "front_distance": "distance to what stands [m]",
+    "deceleration": "deceleration of the leader [m/s²]",
+    "sideways": "sideways speed [m/s]",
+    "velocity": "speed [m/s]",
+}
 _SAME = 1e-6
 
 
-def cut_in_figures(found: Verdicts) -> Iterator[tuple[str, Figure]]:
-    """One figure per pair of speeds of cut-ins with a driver, with a name for its file.
+def case_figures(found: Verdicts, bounds: Sequence[dict[str, float]] = ()) -> Iterator[tuple[str, Figure]]:
+    """Figures of the cases with a driver, each with a name for its file.
 
-    Cases are coloured by whether the driver and the careful and competent one hit the other; lines show the largest gap
-    at which each other reference driver does.
+    Cases are coloured by whether the driver and the careful and competent one hit the other; lines are the boundaries
+    of the other reference drivers that begin where the driver does, to 0.1 m or 0.1 m/s².
 
     Args:
-        found: The verdicts; its grid is of cut-ins.
+        found: The verdicts.
+        bounds: The boundary of the driver, as `boundary` gives it, for a line of its own.
     """
-    cases = found.grid.cases
-    pairs = sorted(set(zip(cases["velocity"].tolist(), cases["other_velocity"].tolist(), strict=True)))
-    hit = {name: reference(found.grid, name).crash for name in ("cc", *_LINES)}
-    for velocity, other in pairs:
-        of = (np.abs(cases["velocity"] - velocity) < _SAME) & (np.abs(cases["other_velocity"] - other) < _SAME)
+    grid = found.grid
+    along, over, each = _AXES[grid.manoeuvre]
+    lines = {
+        name: (boundary(reference(grid, name)), color)
+        for name, color in _LINES.items()
+        if has_driver(grid.manoeuvre, name) and is_comparable(found, name) and name != found.driver
+    }
+    if bounds:
+        lines[found.driver] = (list(bounds), _OWN)
+    cc = reference(grid, "cc").crash
+    for key in sorted(set(zip(*(grid.cases[name].tolist() for name in each), strict=True))) or [()]:
+        chosen = dict(zip(each, key, strict=True))
+        of = np.ones(len(grid), dtype=np.bool_)
+        for name, value in chosen.items():
+            of &= np.abs(grid.cases[name] - value) < _SAME
         figure = Figure(figsize=(4.2, 3.2), layout="constrained")
         axes = figure.add_subplot()
-        classes = 2 * found.crash[of].astype(int) + hit["cc"][of].astype(int)
-        gap, sideways = cases["gap"][of], cases["sideways"][of]
-        for code, label in ((0, "neither hits"), (1, "only cc hits"), (3, "both hit"), (2, "only {} hits")):
-            here = classes == code
-            if found.driver == "cc" and code == 3:
-                label = "cc hits"  # noqa: PLW2901 - one driver beside itself
-            if here.any():
-                color = CLASSES.get(label, CLASSES["both hit"])
-                axes.scatter(sideways[here], gap[here], s=9, c=color, label=label.format(found.driver), linewidths=0)
-        for name, color in _LINES.items():
-            speeds = np.unique(sideways)
-            crash = hit[name][of]
-            largest = [_largest(gap[(sideways == speed) & crash]) for speed in speeds]
-            axes.plot(speeds, largest, color=color, linewidth=1.0, label=f"largest gap hit by {name}")
-        axes.set_xlabel("sideways speed [m/s]")
-        axes.set_ylabel("gap [m]")
-        axes.set_title(f"{3.6 * velocity:.0f} km/h behind {3.6 * other:.0f} km/h", fontsize=9)
+        _scatter(axes, found, of, cc)
+        for name, (rows, color) in lines.items():
+            here = [row for row in rows if all(abs(row[what] - value) < _SAME for what, value in chosen.items())]
+            values = np.array([row[along] for row in here])
+            values[~np.isfinite(values)] = np.nan
+            axes.plot([row[over] for row in here], values, color=color, linewidth=1.0, label=f"boundary of {name}")
+        axes.set_xlabel(_LABELS[over])
+        axes.set_ylabel(_LABELS[along])
+        speeds = [f"{3.6 * value:.0f} km/h" for value in key]
+        axes.set_title(" behind ".join(speeds) or "leaders that brake", fontsize=9)
         axes.legend(fontsize=6, loc="upper right")
-        yield f"cut_in_{3.6 * velocity:g}_{3.6 * other:g}".replace(".", "p"), figure
+        yield "_".join([grid.manoeuvre, *(f"{3.6 * value:g}" for value in key)]).replace(".", "p"), figure
 
 
-def _largest(gap: Floats) -> float:
-    return float(gap.max()) if len(gap) else math.nan
+def _scatter(axes: Axes, found: Verdicts, of: Bools, cc: Bools) -> None:
+    """The cases `of` a figure as points, one colour per class."""
+    along, over, _ = _AXES[found.grid.manoeuvre]
+    labels = list(CLASSES)
+    classes = np.where(found.failed, labels.index("{} fails"), 0)
+    classes[~found.failed & ~found.crash & cc] = labels.index("only cc hits")
+    classes[found.crash & cc] = labels.index("both hit")
+    classes[found.crash & ~cc] = labels.index("only {} hits")
+    for code, label in enumerate(labels):
+        here = of & (classes == code)
+        if here.any():
+            said = "cc hits" if found.driver == "cc" and label == "both hit" else label.format(found.driver)
+            x, y = found.grid.cases[over][here], found.grid.cases[along][here]
+            axes.scatter(x, y, s=9, c=CLASSES[label], label=said, linewidths=0)

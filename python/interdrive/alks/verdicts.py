@@ -31,8 +31,10 @@ SENSOR_RADIUS = 300.0
 _AFTERWARDS, _STEPS_MAX = 8.0, 350
 #: Cases of a worker in one go.
 _CHUNK = 32
-#: Gaps are found to this [m].
-_GAP_STEP = 0.1
+#: What boundaries are of, ...
+_ALONG = {"cut_in": "gap", "cut_out": "front_distance", "following": "deceleration"}
+#: ... found to this [m, m/s²].
+_ALONG_STEP = 0.1
 
 #: Crash, impact speed [m/s], least time to collision [s], and whether it failed.
 _Ending: TypeAlias = tuple[bool, float, float, bool]
@@ -59,7 +61,10 @@ ALKS_COLUMNS = (
     Column("ttc_min", "number", "least time to collision", "s", infinite=True),
     *(
         Column(
-            f"preventable_{name}", "truth", f"`{name}` does not hit the other", null=f"`{name}` has no such manoeuvre"
+            f"preventable_{name}",
+            "truth",
+            f"`{name}` does not hit the other",
+            null=f"`{name}` has no such manoeuvre, or begins it at another distance than the planner",
         )
         for name in DRIVERS
     ),
@@ -77,6 +82,7 @@ class Verdicts:
         impact_speed: Difference of the speeds at the contact [m/s]; nan without one.
         ttc_min: Least time to collision [s]; inf without any.
         failed: Whether its planner fails or it leaves the road, so that to hit nothing says nothing.
+        planner: The planner as it was named, and its predictor; both "" for a reference driver.
     """
 
     grid: Grid
@@ -85,11 +91,21 @@ class Verdicts:
     impact_speed: Floats
     ttc_min: Floats
     failed: Bools
+    planner: str = ""
+    predictor: str = ""
 
 
 def has_driver(manoeuvre: str, driver: str) -> bool:
     """Whether a reference `driver` is defined for a `manoeuvre`."""
     return driver != "r157" or manoeuvre == "cut_in"
+
+
+def is_comparable(found: Verdicts, driver: str) -> bool:
+    """Whether a reference `driver` begins the cases where the driver that was `found` does.
+
+    Planners begin cut-outs and followings at the distance that `cc` keeps; the others keep distances of their own.
+    """
+    return not found.planner or found.grid.manoeuvre == "cut_in" or driver == "cc"
 
 
 def reference(grid: Grid, driver: str) -> Verdicts:
@@ -147,7 +163,8 @@ def driven(
             collect(pool.map(one, chunks))
     table = np.array(endings, dtype=np.float64).reshape(-1, 4)
     name = f"{planner} in worlds" if planner in DRIVERS else planner
-    return Verdicts(grid, name, table[:, 0] > 0.0, table[:, 1].copy(), table[:, 2].copy(), table[:, 3] > 0.0)
+    crash, failed = table[:, 0] > 0.0, table[:, 3] > 0.0
+    return Verdicts(grid, name, crash, table[:, 1].copy(), table[:, 2].copy(), failed, planner, predictor)
 
 
 def table_of(found: Sequence[Verdicts]) -> ArrowTable:
@@ -164,52 +181,65 @@ def table_of(found: Sequence[Verdicts]) -> ArrowTable:
         columns["impact_speed"] += one.impact_speed.tolist()
         columns["ttc_min"] += one.ttc_min.tolist()
         for name in DRIVERS:
-            known = has_driver(one.grid.manoeuvre, name)
+            known = has_driver(one.grid.manoeuvre, name) and is_comparable(one, name)
             avoided = (~reference(one.grid, name).crash).tolist() if known else [None] * n
             columns[f"preventable_{name}"] += avoided
     return arrow_table(ALKS_COLUMNS, columns)
 
 
-def boundary(grid: Grid, verdict: Callable[[dict[str, float]], bool]) -> list[dict[str, float]]:
-    """The least gap from which on a driver avoids every case of the grid, per speeds and sideways speed.
+def boundary(
+    found: Verdicts, *, workers: int | None = None, on_cases: Callable[[int], None] | None = None
+) -> list[dict[str, float]]:
+    """Where the cases end that a driver avoids, by bisection between the cases of the grid.
 
     Args:
-        grid: Cut-ins or cut-outs; in these the gap is the distance to what stands.
-        verdict: Whether the driver hits the other in a case.
+        found: The verdicts on the grid, which are not found again; a case in which a planner fails is not avoided.
+        workers: Processes that drive a planner; None: one per core.
+        on_cases: Called with the number of further cases that are driven, before they are.
 
     Returns:
-        The numbers of each boundary, with `gap` (or `front_distance`) to 0.1 m: 0 if all cases are avoided, inf if the
-        last one is not.
+        The numbers of each boundary to 0.1: of cut-ins and cut-outs per speeds and sideways speed the least `gap` (or
+        `front_distance`, to what stands) from which on all are avoided [m], 0 if all of the grid are, inf if the last
+        one is not; of followings per speed the largest `deceleration` up to which all are [m/s²], inf if all of the
+        grid are, 0 if not even the least one is.
     """
-    along = "gap" if grid.manoeuvre == "cut_in" else "front_distance"
-    others = [name for name in grid.cases if name != along]
-    keys = sorted({tuple(float(grid.cases[name][row]) for name in others) for row in range(len(grid))})
-    places: dict[tuple[float, ...], list[float]] = {key: [] for key in keys}
-    for row in range(len(grid)):
-        places[tuple(float(grid.cases[name][row]) for name in others)].append(float(grid.cases[along][row]))
-    found = []
-    for key in keys:
-        case = dict(zip(others, key, strict=True))
-        gaps = sorted(set(places[key]))
-        hits = [gap for gap in gaps if verdict({**case, along: gap})]
-        if not hits:
-            low = high = 0.0
-        elif hits[-1] == gaps[-1]:
-            low = high = math.inf
-        else:
-            low, high = hits[-1], gaps[gaps.index(hits[-1]) + 1]
-            while high - low > _GAP_STEP:
-                middle = 0.5 * (low + high)
-                low, high = (middle, high) if verdict({**case, along: middle}) else (low, middle)
-        found.append({**case, along: high})
-    return found
+    cases, along = found.grid.cases, _ALONG[found.grid.manoeuvre]
+    others = [name for name in cases if name != along]
+    keys, which = np.unique(np.column_stack([cases[name] for name in others]), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    # What is easier has larger numbers: farther away, or braking less.
+    sign = -1.0 if along == "deceleration" else 1.0
+    ease, is_hit = sign * cases[along], found.crash | found.failed
+    low, high = np.full(len(keys), -math.inf), np.full(len(keys), math.inf)
+    for key in range(len(keys)):
+        here = which == key
+        low[key] = ease[here & is_hit].max(initial=-math.inf)
+        high[key] = ease[here & (ease > low[key])].min(initial=math.inf)
+    while True:
+        wide = np.isfinite(low) & np.isfinite(high) & (high - low > _ALONG_STEP)
+        if not wide.any():
+            break
+        if on_cases is not None:
+            on_cases(int(wide.sum()))
+        middle = 0.5 * (low[wide] + high[wide])
+        between = {**dict(zip(others, keys[wide].T, strict=True)), along: sign * middle}
+        again = _again(found, {name: between[name] for name in cases}, workers)
+        low[wide], high[wide] = np.where(again, middle, low[wide]), np.where(again, high[wide], middle)
+    everything, nothing = (0.0, math.inf) if sign > 0.0 else (math.inf, 0.0)
+    bounds = np.where(np.isneginf(low), everything, np.where(np.isposinf(high), nothing, sign * high))
+    return [
+        {**dict(zip(others, key, strict=True)), along: bound}
+        for key, bound in zip(keys.tolist(), bounds.tolist(), strict=True)
+    ]
 
 
-def hits(manoeuvre: str, driver: str, predictor: str | None = None) -> Callable[[dict[str, float]], bool]:
-    """Whether a reference `driver` (without a `predictor`), or a planner, hits the other in a case of a `manoeuvre`."""
-    if predictor is None:
-        return lambda case: bool(_law(manoeuvre)(driver, **case).crash[0])
-    return lambda case: _drive(manoeuvre, driver, predictor, [case])[0][0]
+def _again(found: Verdicts, cases: dict[str, Floats], workers: int | None) -> Bools:
+    """Whether the driver of these verdicts hits the other, or fails, in other cases."""
+    grid = Grid(found.grid.manoeuvre, cases)
+    if not found.planner:
+        return reference(grid, found.driver).crash
+    more = driven(grid, found.planner, predictor=found.predictor, workers=workers)
+    return more.crash | more.failed
 
 
 def _law(manoeuvre: str) -> Callable[..., Endings]:
@@ -231,7 +261,8 @@ def _driven(manoeuvre: str, planner: str, predictor: str, case: dict[str, float]
     velocity = case["velocity"]
     if manoeuvre == "cut_in":
         lateral = (worlds.LANE + 1.0) / case["sideways"] if case["sideways"] > 0.0 else 0.0
-        time = max(lateral, case["gap"] / (velocity - case["other_velocity"])) + case["sideways"]
+        ramp = case["sideways"] / worlds.SIDEWAYS_ACCELERATION
+        time = max(lateral, case["gap"] / (velocity - case["other_velocity"])) + ramp
         tracks = worlds.cut_in(case, _steps(time))
     else:
         # The careful and competent driver keeps 2 s to a leader: every planner begins there.

@@ -23,7 +23,8 @@ OTHER, REVEALED, WRECK = 2, 3, 4
 #: Step [s], footprints [m], lanes [m], as in the cases in one dimension.
 DT, LENGTH, WIDTH, LANE = 0.1, 4.3, 1.9, 3.5
 _REVEALED_LENGTH = 5.0
-_SIDE, _SIDEWAYS_ACCELERATION = 1.6, 1.5
+#: Between the sides before a cut-in [m], and how fast its sideways speed grows [m/s²].
+_SIDE, SIDEWAYS_ACCELERATION = 1.6, 1.5
 #: Where the agent's rear bumper starts, and how far the road goes on behind its recording [m].
 _START, _BEYOND = 20.0, 150.0
 
@@ -53,10 +54,10 @@ class Track:
 def cut_in(case: Mapping[str, float], steps: int) -> tuple[Track, ...]:
     """A vehicle comes from the lane on the left: `velocity`, `other_velocity`, `gap`, `sideways`."""
     velocity, other, lateral = case["velocity"], case["other_velocity"], case["sideways"]
-    n_ramp = int(lateral / (_SIDEWAYS_ACCELERATION * DT))
+    n_ramp = int(lateral / (SIDEWAYS_ACCELERATION * DT))
     n_lateral = math.floor((_SIDE + WIDTH) / lateral / DT) + 1 if lateral > 0.0 else steps
     sideways = np.zeros(steps)
-    sideways[:n_ramp] = _SIDEWAYS_ACCELERATION * DT * np.arange(1, n_ramp + 1)[:steps]
+    sideways[:n_ramp] = SIDEWAYS_ACCELERATION * DT * np.arange(1, n_ramp + 1)[:steps]
     sideways[n_ramp : n_ramp + n_lateral] = lateral
     before = float(sideways[:n_ramp].sum()) * DT
     x: Floats = case["gap"] + LENGTH + (velocity - other) * n_ramp * DT + other * _times(steps)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,8 +17,8 @@ from interdrive.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from interdrive.alks import Grid, Verdicts
-    from interdrive.storage import ArrowTable
+    from interdrive.alks import Verdicts
+    from interdrive.storage import Origin
 
 _WORDS = {"cut_in": "cut-ins", "cut_out": "cut-outs", "following": "followings"}
 
@@ -29,7 +30,7 @@ _WORDS = {"cut_in": "cut-ins", "cut_out": "cut-outs", "following": "followings"}
 @click.option("--driver", metavar="DRIVER,...", default="", help="Reference drivers (all that have the manoeuvre).")
 @click.option("--grid", metavar="NAME|FILE", default="jrc", help="jrc, jrc_high, jrc_low, or a TOML file.")
 @click.option("--driver-only", is_flag=True, help="Only reference drivers, in one dimension.")
-@click.option("--boundary", is_flag=True, help="Also find the least gap without a crash, to 0.1 m.")
+@click.option("--boundary", is_flag=True, help="Also find where the cases end that a driver avoids, to 0.1 m (m/s²).")
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (all cores).")
 @click.option("--out", metavar="DIR", help="Folder for alks.parquet, boundary.csv and figures.")
 @click.option("--yes", is_flag=True, help="Drive more than a million cases.")
@@ -50,7 +51,7 @@ def alks(
     MANOEUVRE is cut_in (the default), cut_out, following or all. Reference drivers drive in one dimension, planners on
     a straight road of two lanes where the others replay. The documentation (Test a planner by UN R157) shows how.
     """
-    from interdrive.alks import driven, hits, reference, table_of  # noqa: PLC0415 - pyarrow
+    from interdrive.alks import driven, reference  # noqa: PLC0415 - pyarrow
     from interdrive.alks import grid as read_grid  # noqa: PLC0415
     from interdrive.alks.grids import CASES_MAX  # noqa: PLC0415
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
@@ -67,7 +68,7 @@ def alks(
     if n_cases > CASES_MAX and not yes:
         raise InputError(f"--grid {grid}: {n_cases:,} cases are more than {CASES_MAX:,}; --yes drives them")
     found: list[Verdicts] = []
-    bounds: list[dict[str, object]] = []
+    bounds: list[list[dict[str, float]]] = []
     with progress(quiet=False) as report:
         for one in grids:
             if one.skipped:
@@ -75,33 +76,41 @@ def alks(
             for name in _drivers(one.manoeuvre, driver, is_asked=bool(driver)):
                 report.say(f"{_WORDS[one.manoeuvre]} with {name}")
                 found.append(reference(one, name))
-                if boundary:
-                    bounds += _bounds(one, name, hits(one.manoeuvre, name))
             for name in planners:
                 said = f"{_WORDS[one.manoeuvre]} with {name}"
                 report.say(said)
-                found.append(
-                    driven(
-                        one,
-                        name,
-                        predictor=predictor,
-                        workers=workers,
-                        on_cases=partial(_say_how_many, report.say, said, len(one)),
-                    )
-                )
-                if boundary:
-                    report.say(f"{said}: boundary")
-                    bounds += _bounds(one, name, hits(one.manoeuvre, name, predictor))
+                count = partial(report.counted, said, total=len(one))
+                found.append(driven(one, name, predictor=predictor, workers=workers, on_cases=count))
+        for each in found if boundary else ():
+            said = f"boundary of {_WORDS[each.grid.manoeuvre]} with {each.driver}"
+            report.say(said)
+            bounds.append(_boundary(each, workers, partial(_say_further, report.say, said)))
     for each in found:
         _tell(each)
     if folder is None:
         return
-    _write(folder, found, bounds, table_of(found))
+    _write(folder, found, bounds, _origin(grid, planner, predictor if planners else ""))
     say(f"tables and figures in {shown(folder.resolve())}")
 
 
-def _say_how_many(say_so: Callable[[str], None], said: str, n: int, done: int) -> None:
-    say_so(f"{said}: {done:,} of {n:,}")
+def _say_further(say_so: Callable[[str], None], said: str, number: int) -> None:
+    say_so(f"{said}: {number:,} further cases")
+
+
+def _boundary(found: Verdicts, workers: int | None, on_cases: Callable[[int], None]) -> list[dict[str, float]]:
+    from interdrive.alks import boundary  # noqa: PLC0415
+
+    return boundary(found, workers=workers, on_cases=on_cases)
+
+
+def _origin(grid: str, planner: str, predictor: str) -> Origin:
+    """How the table came about: the options, and what is in a file of cases."""
+    from interdrive.alks import GRIDS  # noqa: PLC0415
+    from interdrive.storage import Origin  # noqa: PLC0415
+
+    given = {"grid": grid, "planner": planner, "predictor": predictor}
+    inputs = {} if grid in GRIDS else {grid: hashlib.sha256(Path(grid).read_bytes()).hexdigest()}
+    return Origin({name: value for name, value in given.items() if value}, inputs)
 
 
 def _folder(out: str | None) -> Path | None:
@@ -128,15 +137,6 @@ def _drivers(manoeuvre: str, given: str, *, is_asked: bool) -> list[str]:
     return [name for name in names if has_driver(manoeuvre, name)]
 
 
-def _bounds(grid: Grid, name: str, verdict: Callable[[dict[str, float]], bool]) -> list[dict[str, object]]:
-    from interdrive.alks import boundary  # noqa: PLC0415
-
-    if grid.manoeuvre == "following":
-        return []
-    rows = boundary(grid, verdict)
-    return [{"manoeuvre": grid.manoeuvre, "driver": name, **row} for row in rows]
-
-
 def _tell(found: Verdicts) -> None:
     from interdrive.alks import reference  # noqa: PLC0415
 
@@ -151,21 +151,21 @@ def _tell(found: Verdicts) -> None:
     say(text)
 
 
-def _write(folder: Path, found: list[Verdicts], bounds: list[dict[str, object]], table: ArrowTable) -> None:
-    from interdrive.alks import cut_in_figures  # noqa: PLC0415 - matplotlib
+def _write(folder: Path, found: list[Verdicts], bounds: list[list[dict[str, float]]], origin: Origin) -> None:
+    from interdrive.alks import case_figures, table_of  # noqa: PLC0415 - matplotlib
     from interdrive.plots import save_figure  # noqa: PLC0415
-    from interdrive.storage import Origin, replacing, write_table  # noqa: PLC0415
+    from interdrive.storage import replacing, write_table  # noqa: PLC0415
 
     with replacing(folder / "alks.parquet") as part:
-        write_table(table, part, Origin())
+        write_table(table_of(found), part, origin)
     if bounds:
-        names = ("manoeuvre", "driver", "velocity", "other_velocity", "sideways", "gap", "front_distance")
+        names = ("velocity", "other_velocity", "sideways", "gap", "front_distance", "deceleration")
         with replacing(folder / "boundary.csv") as part, part.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, names, restval="", lineterminator="\n")
+            writer = csv.DictWriter(file, ("manoeuvre", "driver", *names), restval="", lineterminator="\n")
             writer.writeheader()
-            writer.writerows(bounds)
-    for one in found:
-        if one.grid.manoeuvre == "cut_in":
-            driver = "".join(letter if letter.isalnum() else "_" for letter in one.driver)
-            for name, figure in cut_in_figures(one):
-                save_figure(figure, folder / f"{name}_{driver}.png")
+            for one, rows in zip(found, bounds, strict=True):
+                writer.writerows({"manoeuvre": one.grid.manoeuvre, "driver": one.driver, **row} for row in rows)
+    for one, rows in zip(found, bounds or [[]] * len(found), strict=True):
+        driver = "".join(letter if letter.isalnum() else "_" for letter in one.driver)
+        for name, figure in case_figures(one, rows):
+            save_figure(figure, folder / f"{name}_{driver}.png")

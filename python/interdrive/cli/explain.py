@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from interdrive.cli.arguments import shown
 from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from interdrive.array_types import Floats
 
 
 @click.command()
@@ -20,7 +24,8 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
 
     RUN is a run folder. Without AGENT you get one line per agent; with the id of an agent, its story: what it did when,
     behind which vehicle or before which light, when its planner found nothing safer than full braking, which rules
-    of the road it broke, and its most critical moments.
+    of the road it broke, its most critical moments, and whether reference drivers would have avoided its collisions and
+    near misses. A figure shows the speed of the careful and competent one as a dashed line.
     """
     files = [(png, ".png"), (pdf, ".pdf")]
     for name, ending in files:
@@ -38,10 +43,15 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
 
     run = load(folder)
     lines = [ending_of(run, one.id) for one in run.agents] if number is None else story(run, number)
+    instead: list[tuple[str, Floats, Floats]] = []
     if number is not None:
         from interdrive.scoring import preventability  # noqa: PLC0415
 
-        lines += [f"  {words}" for words in preventability(run, [number]).words]
+        found = preventability(run, [number])
+        lines += [f"  {words}" for words in found.words]
+        rows = sorted(range(len(found)), key=lambda row: found.kind[row])
+        drives = [found.witness(row, "cc") for row in rows]
+        instead = [("a careful and competent driver", one.time, one.velocity) for one in drives if one is not None]
     print_text("\n".join(lines) or "the run has no agents")
     if number is not None and wanted:
         from interdrive.plots import save_figure  # noqa: PLC0415 - matplotlib
@@ -49,7 +59,7 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
         from interdrive.results.folder import inputs_of  # noqa: PLC0415
         from interdrive.storage import keep_inputs  # noqa: PLC0415
 
-        figure = draw_story(run, number)
+        figure = draw_story(run, number, instead[:1])
         for path in wanted:
             keep_inputs(path, inputs_of(folder, run))
             save_figure(figure, path)

@@ -27,7 +27,7 @@ _OTHER_FILES = (
     "agent_view.png",  # of older versions
     *("criticality.parquet", "criticality_extremes.parquet", "criticality.png", "criticality_moment.png"),
     "score.parquet",
-    "preventability.parquet",
+    *("preventability.parquet", "preventability_drives.parquet"),
     "solution.xml",
 )
 

@@ -12,6 +12,8 @@ from interdrive.run.arrays import COLLISION_TYPES
 from interdrive.scoring.evaluation import Score, has_recording, score
 from interdrive.scoring.faults import FAULT_KINDS
 from interdrive.scoring.preventability import (
+    DRIVE_COLUMNS,
+    ENTRIES,
     PREVENTABILITY_COLUMNS,
     UNDEFINED,
     Preventability,
@@ -23,6 +25,8 @@ from interdrive.scoring.tables import SCORE_COLUMNS, save_score, score_columns, 
 
 __all__ = [
     "COLLISION_TYPES",
+    "DRIVE_COLUMNS",
+    "ENTRIES",
     "FAULT_KINDS",
     "PREVENTABILITY_COLUMNS",
     "SCORE_COLUMNS",

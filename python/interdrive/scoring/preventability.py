@@ -32,6 +32,7 @@ UNDEFINED = {
     "stood": "the agent stood: no driver could have braked",
     "reversed": "the agent reversed: UN R157 has no reference driver for that",
     "crossing": "UN R157 has no reference driver for crossing traffic",
+    "oncoming": "UN R157 has no reference driver for oncoming traffic",
     "pedestrian": "UN R157 has no reference driver for pedestrians",
     "behind": "hit from behind by {}: braking would not have avoided it",
 }
@@ -43,7 +44,15 @@ _WHO = {
     "fsm": "a driver by the fuzzy safety model",
 }
 
-_TABLE = "preventability.parquet"
+#: How the partner came to be in the agent's way, in words; {} is the partner, then the time [s].
+ENTRIES = {
+    "ahead": "{} was in the agent's way from {} s on, when both were there first",
+    "partner": "{} came into the agent's way at {} s",
+    "agent": "the agent left its lane into the way of {} at {} s",
+    "both": "the ways of the agent and {} met at {} s",
+}
+
+_TABLE, _DRIVES = "preventability.parquet", "preventability_drives.parquet"
 _NO_VERDICT = "there is no verdict"
 _NO_CONTACT = "the driver does not hit it, or there is no verdict"
 
@@ -60,7 +69,14 @@ PREVENTABILITY_COLUMNS = (
     Column("kind", "label", "what happened", labels=("collision", "near_miss")),
     Column("time_step", "integer", "of the first states after the contact, or of the near miss"),
     Column("undefined", "label", "why there is no verdict; empty: there is one", labels=("", *UNDEFINED)),
-    Column("from_time_step", "integer", "time step at which the drivers take over"),
+    Column(
+        "entry",
+        "label",
+        "how the partner came into the agent's way: it was ahead at the first common step, it left its lane, the agent "
+        "left its own, or both or neither did",
+        labels=tuple(ENTRIES),
+    ),
+    Column("from_time_step", "integer", "time step at which the drivers take over, before the contact"),
     Column("velocity", "number", "of the agent then", "m/s"),
     *(
         column
@@ -73,7 +89,20 @@ PREVENTABILITY_COLUMNS = (
             Column(f"distance_{name}", "number", "least distance that it keeps", "m", null=_NO_VERDICT),
         )
     ),
-    Column("words", "text", "the verdict on `cc` in words"),
+    Column("words", "text", "the verdicts in words, above all that on `cc`"),
+)
+
+#: Columns of the table of drives.
+DRIVE_COLUMNS = (
+    Column("agent_id", "integer", "participant id of the agent"),
+    Column("partner_id", "integer", "participant id of the other"),
+    Column("kind", "label", "what happened", labels=("collision", "near_miss")),
+    Column("driver", "label", "the reference driver", labels=tuple(DRIVERS)),
+    Column("time", "number", "from the beginning of the recording", "s"),
+    Column("x", "number", "centre of the footprint", "m"),
+    Column("y", "number", "centre of the footprint", "m"),
+    Column("orientation", "number", "heading", "rad"),
+    Column("velocity", "number", "along the heading", "m/s"),
 )
 
 
@@ -105,12 +134,13 @@ class Preventability:
         kind: "collision" or "near_miss".
         time_step: Of the first states after the contact, or of the near miss.
         undefined: Why there is no verdict, a key of `UNDEFINED`; "" if there is one.
-        from_time_step: Time step at which the drivers take over.
+        entry: How the partner came into the agent's way, a key of `ENTRIES`.
+        from_time_step: Time step at which the drivers take over, before the contact.
         velocity: Speed of the agent then [m/s].
         preventable: By driver, whether it would not have hit the partner: 1 or 0, nan without a verdict.
         impact_speed: By driver, difference of the velocities at its contact [m/s]; nan without a contact.
         distance: By driver, the least distance that it keeps [m], 0 with a contact; nan without a verdict.
-        words: The verdict on `cc`, in words.
+        words: The verdicts in words, above all that on `cc`.
         origin: How the verdicts came about.
     """
 
@@ -119,6 +149,7 @@ class Preventability:
     kind: tuple[str, ...]
     time_step: Ints
     undefined: tuple[str, ...]
+    entry: tuple[str, ...]
     from_time_step: Ints
     velocity: Floats
     preventable: dict[str, Floats]
@@ -157,6 +188,7 @@ class Preventability:
             "kind": self.kind,
             "time_step": self.time_step,
             "undefined": self.undefined,
+            "entry": self.entry,
             "from_time_step": self.from_time_step,
             "velocity": self.velocity,
             "words": self.words,
@@ -168,15 +200,35 @@ class Preventability:
             columns[f"distance_{name}"] = self.distance[name]
         return arrow_table(PREVENTABILITY_COLUMNS, columns)
 
+    def drives_to_arrow(self) -> ArrowTable:
+        """The drives on which the verdicts rest, one row per point, as an Arrow table with `DRIVE_COLUMNS`."""
+        columns: dict[str, list[object]] = {column.name: [] for column in DRIVE_COLUMNS}
+        about = list(zip(self.agent_id.tolist(), self.partner_id.tolist(), self.kind, strict=True))
+        for row, whose in enumerate(about):
+            for name in DRIVERS:
+                drive = self.witness(row, name)
+                if drive is None:
+                    continue
+                n = len(drive.time)
+                for column, value in zip(("agent_id", "partner_id", "kind", "driver"), (*whose, name), strict=True):
+                    columns[column] += [value] * n
+                for column in ("time", *_WITNESS):
+                    columns[column] += getattr(drive, column).tolist()
+        return arrow_table(DRIVE_COLUMNS, columns)
+
     def save(self, folder: str | Path) -> Path:
-        """Writes preventability.parquet into a `folder`; an older one is replaced.
+        """Writes preventability.parquet and preventability_drives.parquet into a `folder`; older ones are replaced.
+
+        Returns:
+            The path of the first.
 
         Raises:
-            ResultsError: The file cannot be written; one line with path and cause.
+            ResultsError: A file cannot be written; one line with path and cause.
         """
         path = Path(folder) / _TABLE
-        with replacing(path) as partial:
-            write_table(self.to_arrow(), partial, self.origin)
+        for target, table in ((Path(folder) / _DRIVES, self.drives_to_arrow()), (path, self.to_arrow())):
+            with replacing(target) as partial:
+                write_table(table, partial, self.origin)
         return path
 
 
@@ -217,24 +269,14 @@ def preventability(
         )
         for name in DRIVERS
     }
-    rows = range(len(conflicts))
-    words = tuple(
-        _words(
-            conflicts[row],
-            found["undefined"][row],
-            (float(found["velocity"][row]), float(found["time"][row])),
-            {name: float(numbers[name]["cc"][row]) for name in numbers},
-            witnesses["cc"][row],
-            said_seconds(conflicts[row][2], dt),
-        )
-        for row in rows
-    )
+    words = tuple(_words(run, conflicts[row], found, row, witnesses["cc"][row]) for row in range(len(conflicts)))
     return Preventability(
         agent_id=np.array([each[0] for each in conflicts], dtype=np.int64),
         partner_id=np.array([each[1] for each in conflicts], dtype=np.int64),
         kind=tuple(each[3] for each in conflicts),
         time_step=np.array([each[2] for each in conflicts], dtype=np.int64),
         undefined=tuple(found["undefined"]),
+        entry=tuple(found["entry"]),
         from_time_step=first,
         velocity=found["velocity"],
         preventable=numbers["preventable"],
@@ -301,35 +343,51 @@ def _collisions(run: RunRecord, wanted: Sequence[int]) -> Iterator[_Conflict]:
             yield who, whom, when, "collision", kinds[whom] in _PEOPLE
 
 
+_WITNESS = ("x", "y", "orientation", "velocity")
+
+
 def _witness(found: dict[str, Any], start: float) -> Witness:
     n = len(found["velocity"])
     return Witness(start + found["step"] * np.arange(n), **{name: found[name] for name in _WITNESS})
 
 
-_WITNESS = ("x", "y", "orientation", "velocity")
-
-
 def _words(
-    conflict: tuple[int, int, int, str, bool],
-    undefined: str,
-    taken_over: tuple[float, float],
-    numbers: dict[str, float],
+    run: RunRecord,
+    conflict: _Conflict,
+    found: dict[str, Any],
+    row: int,
     witness: Witness,
-    when: str,
 ) -> str:
-    """The verdict on the careful and competent driver."""
-    _, whom, _, kind, _ = conflict
-    if undefined:
-        return UNDEFINED[undefined].format(whom)
-    velocity, time = taken_over
-    what = f"this collision at {when} s" if kind == "collision" else f"coming so near at {when} s"
-    if numbers["preventable"] == 1.0:
-        end = float(witness.velocity[-1])
-        rest = "it stands" if end == 0.0 else f"it brakes to {end:.1f} m/s"
-        keeps = f"{numbers['distance']:.1f} m from {whom} at least"
-        return f"{_WHO['cc']} would have avoided {what}: from {velocity:.1f} m/s {rest}, {keeps}"
-    speed = numbers["impact_speed"]
-    return (
-        f"{_WHO['cc']} would not have avoided {what}: {whom} came into its way {max(time, 0.0):.1f} s before, "
-        f"and it would have hit it with {speed:.1f} m/s"
+    """The verdict on the careful and competent driver, and in short those on the others."""
+    _, whom, time_step, kind, _ = conflict
+    if found["undefined"][row]:
+        return UNDEFINED[found["undefined"][row]].format(whom)
+    dt = run.scenario.dt
+    what = "this collision" if kind == "collision" else "coming so near"
+    entered = ENTRIES[found["entry"][row]].format(whom, said_seconds(int(found["from_time_step"][row]), dt))
+    velocity, time = float(found["velocity"][row]), float(found["time"][row])
+    before = f"{time:.1f}" if time >= 0.1 else f"{time:.2f}"
+    is_avoided = found["preventable"][row] == 1.0
+    verdict = "would" if is_avoided[0] else "would not"
+    said = (
+        f"{_WHO['cc']} {verdict} have avoided {what} at {said_seconds(time_step, dt)} s: {entered}, {before} s before"
     )
+    if is_avoided[0]:
+        end = float(witness.velocity[-1])
+        rest = "a standstill" if end == 0.0 else f"{end:.1f} m/s"
+        said += (
+            f"; braking from {velocity:.1f} m/s to {rest} keeps {found['distance'][row][0]:.1f} m from {whom} at least"
+        )
+    else:
+        said += f", and it would have hit it with {found['impact_speed'][row][0]:.1f} m/s"
+    others = list(zip(DRIVERS, is_avoided, found["impact_speed"][row], strict=True))[1:]
+    same = [name for name, avoids, _ in others if avoids == is_avoided[0]]
+    # The impact speed says how far those are off that would have hit it.
+    differ = [name if avoids else f"{name} ({speed:.1f} m/s)" for name, avoids, speed in others if name not in same]
+    too = f"so would {_and(same)}" if is_avoided[0] else f"nor would {_and(same, 'or')}"
+    other = f"{_and(differ)} would {'not' if is_avoided[0] else 'have'}"
+    return "; ".join([said, *([too] if same else []), *([other] if differ else [])])
+
+
+def _and(names: Sequence[str], word: str = "and") -> str:
+    return f" {word} ".join([part for part in (", ".join(names[:-1]), names[-1] if names else "") if part])

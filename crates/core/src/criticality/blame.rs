@@ -10,13 +10,14 @@ use crate::conduct::REST_SPEED;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose, wrap_angle};
+use crate::road::RoadNetwork;
 
 /// Ways are wider than footprints by this on each side [m].
 const WAY_MARGIN: f64 = 0.1;
 /// ... and longer by this in front and behind [m]: a contact is found a little before bodies share a point.
 const CONTACT_MARGIN: f64 = 1e-3;
 /// Beyond this difference of headings traffic is oncoming.
-const ONCOMING_ANGLE: f64 = 0.75 * PI;
+pub(super) const ONCOMING_ANGLE: f64 = 0.75 * PI;
 /// Up to this difference two drive side by side.
 pub(super) const ALONGSIDE_ANGLE: f64 = 0.25 * PI;
 /// Of two vehicles that meet where lanelets cross, the turning one is the vehicle that turned more within this time
@@ -220,6 +221,11 @@ struct Entry {
 }
 
 impl<'a> Pair<'a> {
+    /// The road that both drive on.
+    pub(super) fn road(&self) -> &'a RoadNetwork {
+        &self.traffic.road
+    }
+
     pub(super) fn new(traffic: &'a Traffic, (agent, other, time_step): (i64, i64, i64)) -> Result<Self> {
         let states = &traffic.states;
         let row = |id: i64| states.row(id).ok_or(Error::UnknownId { what: "participant", id });

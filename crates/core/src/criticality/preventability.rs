@@ -1,7 +1,10 @@
 //! Whether a reference driver in the agent's place would have avoided a contact: from the stored states alone, nothing is
 //! simulated anew. Definitions: docs/concepts/preventability.md.
 
-use super::blame::{ALONGSIDE_ANGLE, Pair, Track, side};
+use std::f64::consts::PI;
+
+use super::blame::{ALONGSIDE_ANGLE, ONCOMING_ANGLE, Pair, Track, side};
+use super::footing::is_within_one_lane;
 use super::traffic::Traffic;
 use crate::collision::{first_contact, pose_between};
 use crate::conduct::REST_SPEED;
@@ -40,8 +43,10 @@ pub enum Undefined {
     Stood,
     /// It reversed.
     Reversed,
-    /// Their ways crossed, or they met.
+    /// Their ways crossed.
     Crossing,
+    /// They came towards each other.
+    Oncoming,
     /// The partner is a pedestrian.
     Pedestrian,
     /// It was hit from behind.
@@ -56,8 +61,49 @@ impl Undefined {
             Self::Stood => "stood",
             Self::Reversed => "reversed",
             Self::Crossing => "crossing",
+            Self::Oncoming => "oncoming",
             Self::Pedestrian => "pedestrian",
             Self::Behind => "behind",
+        }
+    }
+}
+
+/// How the partner came to be in the agent's way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entry {
+    /// It was in it at the first step at which both are there.
+    Ahead,
+    /// It left its lane, the agent did not.
+    Partner,
+    /// The agent left its lane, the partner did not.
+    Agent,
+    /// Both or neither.
+    Both,
+}
+
+impl Entry {
+    /// Names used outside.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ahead => "ahead",
+            Self::Partner => "partner",
+            Self::Agent => "agent",
+            Self::Both => "both",
+        }
+    }
+
+    /// The partner is in the way from the step `from` on.
+    fn of(pair: &Pair<'_>, from: usize) -> Self {
+        if from == 0 {
+            return Self::Ahead;
+        }
+        let road = pair.road();
+        let leaves =
+            |track: &Track<'_>| track.poses[from..].iter().any(|pose| !is_within_one_lane(road, track.shape, *pose));
+        match (leaves(&pair.agent), leaves(&pair.other)) {
+            (true, false) => Self::Agent,
+            (false, true) => Self::Partner,
+            _ => Self::Both,
         }
     }
 }
@@ -82,7 +128,9 @@ pub struct Replacement {
 pub struct Preventability {
     /// Why there is none.
     pub undefined: Undefined,
-    /// Time step at which drivers take over.
+    /// How the partner came into the way.
+    pub entry: Entry,
+    /// Time step at which drivers take over, before the contact.
     pub from: i64,
     /// Speed of the agent then [m/s].
     pub velocity: f64,
@@ -109,6 +157,7 @@ fn judged(traffic: &Traffic, conflict: &Conflict) -> Result<Preventability> {
     let n_sub = (traffic.dt / STEP_MAX - 1e-9).ceil().max(1.0);
     let mut found = Preventability {
         undefined: undefined(&pair, conflict, from),
+        entry: Entry::of(&pair, from),
         from: pair.first + from as i64,
         velocity: pair.agent.speeds[from],
         time: (pair.instant - (pair.first + from as i64) as f64) * traffic.dt,
@@ -125,7 +174,9 @@ fn judged(traffic: &Traffic, conflict: &Conflict) -> Result<Preventability> {
 
 fn undefined(pair: &Pair<'_>, conflict: &Conflict, from: usize) -> Undefined {
     let (agent, other) = (&pair.agent, &pair.other);
-    let angle = wrap_angle(other.contact().orientation - agent.contact().orientation).abs();
+    let headings = wrap_angle(other.contact().orientation - agent.contact().orientation).abs();
+    // Between the directions in which both move.
+    let angle = if other.speed() < 0.0 { PI - headings } else { headings };
     let drives = other.speed().abs() > REST_SPEED;
     if conflict.is_pedestrian {
         Undefined::Pedestrian
@@ -133,7 +184,9 @@ fn undefined(pair: &Pair<'_>, conflict: &Conflict, from: usize) -> Undefined {
         Undefined::Reversed
     } else if agent.speed() <= REST_SPEED {
         Undefined::Stood
-    } else if drives && (angle > ALONGSIDE_ANGLE || other.speed() < 0.0) {
+    } else if drives && angle > ONCOMING_ANGLE {
+        Undefined::Oncoming
+    } else if drives && angle > ALONGSIDE_ANGLE {
         Undefined::Crossing
     } else if side(agent, other) == 3 {
         Undefined::Behind
@@ -164,7 +217,8 @@ impl Way {
         Self { poses, driven }
     }
 
-    /// First step of the unbroken stretch up to the contact in which the other is in the way.
+    /// First step of the unbroken stretch up to the contact in which the other is in the way; if there is none, the last
+    /// one before the contact.
     fn entered_at(&self, pair: &Pair<'_>) -> usize {
         let (agent, other) = (&pair.agent, &pair.other);
         let contact = agent.poses.len() - 1;
@@ -186,7 +240,7 @@ impl Way {
                     .is_some()
             })
         };
-        (0..contact).rev().take_while(meets).last().unwrap_or(contact)
+        (0..contact).rev().take_while(meets).last().unwrap_or(contact - 1)
     }
 
     /// Pose after a way from a step on [m].
@@ -380,6 +434,64 @@ mod tests {
         let found = verdict(&crossing, 10);
         assert_eq!(found.undefined, Undefined::Crossing);
         assert!(found.replacements.is_empty());
+    }
+
+    /// Agent and partner keep their speeds; the lateral positions are those of the step.
+    fn side_by_side(aside: impl Fn(usize) -> [f64; 2], ahead: f64) -> Traffic {
+        let mut states = States::absent(vec![1, 2], 0, 31);
+        for step in 0..31 {
+            let x = 10.0 * step as f64 * DT;
+            for (row, y) in aside(step).into_iter().enumerate() {
+                let x = x + ahead * row as f64;
+                states.set(row, step, &State { x, y, velocity: 10.0, ..State::default() });
+            }
+        }
+        let shapes = vec![Shape::rectangle(4.5, 1.8); 2];
+        Traffic::new(DT, Arc::new(straight_road(2)), states, shapes, vec![false; 2]).expect("traffic")
+    }
+
+    #[test]
+    fn it_is_told_who_left_its_lane() {
+        let steered = |step: usize| 0.06 * step.saturating_sub(1) as f64;
+        let width = 3.5;
+        let agent = side_by_side(|step| [steered(step), width], 2.0);
+        let partner = side_by_side(|step| [0.0, width - steered(step)], 2.0);
+        let both = side_by_side(|step| [0.5 * steered(step), width - 0.5 * steered(step)], 2.0);
+        let entry = |traffic: &Traffic| verdict(traffic, 30).entry;
+        assert_eq!((entry(&agent), entry(&partner), entry(&both)), (Entry::Agent, Entry::Partner, Entry::Both));
+        let ahead = traffic(61, |step| {
+            let time = step as f64 * DT;
+            [(15.0 * time, 0.0, 15.0), (34.4 + 10.0 * time, 0.0, 10.0)]
+        });
+        assert_eq!((verdict(&ahead, 60).entry, verdict(&ahead, 60).from), (Entry::Ahead, 0));
+    }
+
+    #[test]
+    fn drivers_take_over_before_a_contact_that_nothing_led_to() {
+        // The other comes from behind and beside the way, so that no footprint at a whole step is in it.
+        let (far, contact) = (side_by_side(|step| [0.0, if step < 30 { 3.5 } else { 0.5 }], 0.0), 30);
+        let found = verdict(&far, contact);
+        assert_eq!(found.from, contact - 1);
+        assert!(found.time > 0.0 && found.time <= DT, "{}", found.time);
+    }
+
+    #[test]
+    fn traffic_that_comes_towards_the_agent_is_oncoming_and_one_that_reverses_before_it_is_too() {
+        let towards = |orientation: f64, velocity: f64| {
+            let mut states = States::absent(vec![1, 2], 0, 11);
+            for step in 0..11 {
+                let time = (step as f64 - 10.0) * DT;
+                states.set(0, step, &State { x: 10.0 * time, velocity: 10.0, ..State::default() });
+                let x = 4.3 + velocity * orientation.cos() * time;
+                states.set(1, step, &State { x, velocity, orientation, ..State::default() });
+            }
+            let shapes = vec![Shape::rectangle(4.5, 1.8); 2];
+            Traffic::new(DT, Arc::new(straight_road(1)), states, shapes, vec![false; 2]).expect("traffic")
+        };
+        assert_eq!(verdict(&towards(PI, 5.0), 10).undefined, Undefined::Oncoming);
+        assert_eq!(verdict(&towards(0.0, -5.0), 10).undefined, Undefined::Oncoming);
+        // It reverses as the agent drives: as any vehicle ahead.
+        assert_eq!(verdict(&towards(PI, -5.0), 10).undefined, Undefined::Not);
     }
 
     #[test]

@@ -204,7 +204,13 @@ pub(super) fn plan(
         one.is_in_way() && ahead.iter().any(|near| near.seen.gap < one.seen.gap && near.aside < REVEALED_ASIDE)
     };
     let visible: Vec<Seen> = along.iter().filter(|one| !is_hidden(one)).map(|one| one.seen).collect();
-    let danger = visible.iter().find(|seen| driver.sees_danger(seen, Encounter::Traffic)).copied();
+    let mut danger: Option<Seen> = None;
+    for seen in visible.iter().filter(|seen| driver.sees_danger(seen, Encounter::Traffic)) {
+        // Of equal ones the nearest, which comes first.
+        if danger.is_none_or(|most| driver.urgency(seen) > driver.urgency(&most)) {
+            danger = Some(*seen);
+        }
+    }
     let leader = visible.iter().find(|seen| seen.side <= 0.0 && seen.is_ahead).copied();
     let danger =
         danger.or_else(|| brakes_ahead(driver, leader.as_ref()?, alertness.leader_velocity?, dt).then_some(leader?));

@@ -30,6 +30,8 @@ const FSM_HARD: f64 = 6.0;
 const FSM_OTHERS: f64 = 7.0;
 /// Gap that `Fsm` keeps in front of a standing vehicle [m].
 const FSM_STANDING_GAP: f64 = 2.0;
+/// Gaps below this are no gap [m].
+const GAP_MIN: f64 = 1e-3;
 /// With acceleration `a`, before a reaction, a driver approaches its set speed at most so hard [m/s²].
 pub const APPROACH: f64 = 1.0;
 
@@ -146,6 +148,13 @@ impl Driver {
         }
     }
 
+    /// How much a danger asks of it: the deceleration that it finds right, then that which takes back the difference of the
+    /// speeds within the gap [m/s²]. Of several, it reacts to the greatest.
+    pub fn urgency(self, seen: &Seen) -> (f64, f64) {
+        let faster = (seen.velocity - seen.other_velocity).max(0.0);
+        (self.deceleration_max(seen), faster * faster / (2.0 * seen.gap.max(GAP_MIN)))
+    }
+
     /// Largest deceleration that it finds right for what it sees [m/s²].
     pub fn deceleration_max(self, seen: &Seen) -> f64 {
         match self {
@@ -207,11 +216,14 @@ impl Seen {
     }
 }
 
+/// What rounding may leave of a delay that is a whole number of steps [s].
+const DELAY_ROUNDING: f64 = 1e-9;
+
 /// A driver in the course of its reaction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reaction {
     driver: Driver,
-    /// What is left of its delay [s]; it brakes once this is not positive.
+    /// What is left of its delay [s]; it brakes once nothing is.
     left: f64,
     /// Deceleration that it has built up [m/s²].
     built_up: f64,
@@ -238,13 +250,13 @@ impl Reaction {
 
     /// It has not begun to brake.
     pub fn is_waiting(&self) -> bool {
-        self.left > 0.0
+        self.left > DELAY_ROUNDING
     }
 
     /// Deceleration in the next `dt` [s] in view of danger [m/s²].
     pub fn brake(&mut self, seen: &Seen, dt: f64) -> f64 {
         self.has_begun = true;
-        if self.left > 0.0 {
+        if self.left > DELAY_ROUNDING {
             self.left -= dt;
             return if self.driver == Driver::Cc { COASTING } else { 0.0 };
         }
@@ -296,6 +308,31 @@ mod tests {
             assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{driver:?}: {found:?}");
             let last = (0..20).map(|_| reaction.brake(&AHEAD, 0.1)).last().expect("twenty");
             assert!((last - if driver == Driver::R157 { 6.0 } else { 7.59294 }).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_delay_that_is_a_whole_number_of_steps_takes_no_step_more() {
+        for (dt, driver, expected) in [
+            (0.05, Driver::Rss, 15),
+            (0.05, Driver::R157, 7),
+            (0.03, Driver::Rss, 25),
+            (0.07, Driver::R157, 5),
+            // 0.76 s
+            (0.04, Driver::Rss, 19),
+        ] {
+            let mut reaction = Reaction::new(driver);
+            let steps = (0..100).take_while(|_| reaction.brake(&AHEAD, dt) == 0.0).count();
+            assert_eq!(steps, expected, "{driver:?} {dt}");
+        }
+    }
+
+    #[test]
+    fn a_slow_vehicle_is_more_urgent_than_a_nearer_one_of_almost_the_same_speed() {
+        let near = Seen { gap: 10.0, other_velocity: 19.0, ..AHEAD };
+        let slow = Seen { gap: 25.0, other_velocity: 2.0, ..AHEAD };
+        for driver in Driver::ALL {
+            assert!(driver.urgency(&slow) > driver.urgency(&near), "{driver:?}");
         }
     }
 
