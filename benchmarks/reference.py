@@ -26,7 +26,18 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "python" / "interdrive" / "benchmarks" / "reference"
 PAGE = ROOT / "docs" / "research" / "scores.md"
 HEADINGS = (
-    *("planner", "R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk"),
+    *(
+        "planner",
+        "R",
+        "95 %",
+        "NR",
+        "R, score 1",
+        "NR, score 1",
+        "reached %",
+        "at fault per 100",
+        "TTC < 2 s %",
+        "jerk",
+    ),
     *("agents", "left out", "agents at 0"),
 )
 
@@ -59,26 +70,30 @@ def table(name: str, split: str) -> str:
     return "\n".join(lines)
 
 
-def rank(row: Row) -> tuple[bool, float]:
-    """Place in the table: replayed humans have no number."""
-    return math.isnan(row.score), -row.score
+def rank(row: Row) -> tuple[bool, bool, float]:
+    """Place in the table: replayed humans have no number, rows of earlier releases have score 1 alone."""
+    if math.isnan(row.score):
+        return True, math.isnan(row.score_1), -row.score_1
+    return False, False, -row.score
 
 
 def by_category(name: str, split: str) -> str:
-    """The number of each planner by category as Markdown."""
+    """The number of each planner by category as Markdown; score 1 where no row has another one."""
     rows = [row for row in reference_rows(read_set(name), split) if row.category != "all"]
-    rows = [row for row in rows if not math.isnan(row.score)]
+    known = [row for row in rows if not math.isnan(row.score)]
+    number, heading = ("score", "category") if known else ("score_1", "category, score 1")
+    rows = known or [row for row in rows if not math.isnan(row.score_1)]
     if not rows:
         return ""
     categories = sorted({row.category for row in rows})
     planners = sorted({row.planner for row in rows})
-    scores = {(row.planner, row.category): f"{row.score:.1f}" for row in rows}
+    scores = {(row.planner, row.category): f"{getattr(row, number):.1f}" for row in rows}
     sizes = {
         category: max((row.n_scenarios, row.n_agents) for row in rows if row.category == category)
         for category in categories
     }
     lines = [
-        "| category | scenarios, agents | " + " | ".join(f"`{planner}`" for planner in planners) + " |",
+        f"| {heading} | scenarios, agents | " + " | ".join(f"`{planner}`" for planner in planners) + " |",
         "|---|--:|" + "--:|" * len(planners),
     ]
     for category in categories:
@@ -89,7 +104,10 @@ def by_category(name: str, split: str) -> str:
 
 def cells(row: Row) -> list[str]:
     """A line of the table."""
-    values = (row.score, None, row.non_reactive, row.reached, row.at_fault, row.ttc_critical, row.jerk)
+    values = (
+        *(row.score, None, row.non_reactive, row.score_1, row.score_1_non_reactive),
+        *(row.reached, row.at_fault, row.ttc_critical, row.jerk),
+    )
     found = ["" if value is None or math.isnan(value) else f"{value:.1f}" for value in values]
     found[1] = "" if math.isnan(row.low) else f"{row.low:.1f} to {row.high:.1f}"
     zeros = ", ".join(f"{count} {name}" for name, count in row.zeros.items())

@@ -74,7 +74,7 @@ _HOME = {
     "Scenario": "scenario",
     "Score": "scoring",
     "ScoringSettings": "scoring",
-    "score": "scoring",
+    "score": "panel",
     "Simulation": "simulation",
     "SimulationSettings": "config.schema",
     "ViewSettings": "native_settings",

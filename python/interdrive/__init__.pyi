@@ -33,6 +33,7 @@ from interdrive.files import (
 )
 from interdrive.files.solution import write_solution as write_solution
 from interdrive.native_settings import ViewSettings as ViewSettings
+from interdrive.panel import score as score
 from interdrive.planners import (
     R157 as R157,
     Cc as Cc,
@@ -66,7 +67,7 @@ from interdrive.results import save as save
 from interdrive.runs import Run as Run, RunInterrupted as RunInterrupted, load as load
 from interdrive.scenario import Scenario as Scenario
 from interdrive.scenario.agents import AgentSettings as AgentSettings, GoalSettings as GoalSettings
-from interdrive.scoring import Score as Score, ScoringSettings as ScoringSettings, score as score
+from interdrive.scoring import Score as Score, ScoringSettings as ScoringSettings
 from interdrive.simulation import Simulation as Simulation, simulate as simulate
 from interdrive.studies import CaseStudy as CaseStudy, case_study as case_study
 from interdrive.traffic_realism import Realism as Realism, realism as realism

@@ -446,7 +446,7 @@ def test_a_folder_that_is_no_batch_or_of_another_format_is_refused(tmp_path):
     with pytest.raises(idr.ResultsError, match="not a batch folder"):
         idr.read_batch(tmp_path / "nowhere")
     (tmp_path / "batch.json").write_text(json.dumps({"format": 1}))
-    with pytest.raises(idr.ResultsError, match="format 1, this version of interdrive reads and writes format 5"):
+    with pytest.raises(idr.ResultsError, match="format 1, this version of interdrive writes format 6 and reads 5"):
         idr.read_batch(tmp_path)
     with pytest.raises(idr.ResultsError, match="format 1"):
         idr.batch("t_junction", tmp_path, planner=FAST)

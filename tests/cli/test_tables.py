@@ -87,8 +87,9 @@ def test_a_run_without_collisions_has_no_columns_about_them(tmp_path):
     assert heading("run", "lane_merge", "--out", tmp_path / "run") == ["agent", "outcome", "time", "[s]"]
 
 
-def test_the_score_of_agents_without_a_fault_has_no_why_and_without_a_limit_no_speed(folder):
-    assert heading("score", folder) == ["agent", "score", "progress", "contact", "comfort", "direction"]
+def test_a_full_score_has_no_why_and_one_without_reacting_traffic_no_hindrance(folder):
+    said = heading("score", folder, "--panel", "none")
+    assert said == ["agent", "score", "gates", "arrival", "pace", "contact", "comfort", "CLS", "EPDMS", "score", "1"]
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])

@@ -65,6 +65,7 @@ def invented(folder, runs):
             usual |= {"under_test": True, "off_road": False, "outcome": "goal_reached", "agent_planner": planner}
             usual |= {"harm": None, "partner_id": None, "impact_area": None, "fault": False, "fault_nuplan": False}
             usual |= dict.fromkeys(column.name for column in AGENT_COLUMNS if column.name.startswith("preventable_"))
+            usual |= {"in_time": True, "arrived": True, "forced": False}
             rows = [{**run, **usual, "agent_id": agent, **own} for agent, own in agents.items()]
         values = {column.name: [row[column.name] for row in rows] for column in COLUMNS}
         for column in COLUMNS:

@@ -265,11 +265,10 @@ def test_the_time_along_lanes_and_the_time_straight_on_are_named_apart_wherever_
 
 
 def test_scores_do_not_call_their_time_a_ttc():
-    from interdrive.cli.score_report import _TERMS
-    from interdrive.scoring.evaluation import TERMS
+    from interdrive.cli.score_report import _PARTS
     from interdrive.scoring.tables import SCORE_COLUMNS
 
-    assert TERMS["ttc"] == "time to contact straight on" and _TERMS["ttc_term"] == "contact"
+    assert _PARTS["ttc_term"] == "contact"
     assert not [one.name for one in SCORE_COLUMNS if "TTC" in one.text or "time to collision" in one.text]
 
 

@@ -10,9 +10,11 @@ import pytest
 
 import interdrive as idr
 from interdrive.errors import InputError
-from interdrive.panel import PANEL, PANEL_COLUMNS, panel_score, panel_table
-from interdrive.panel.worlds import World
+from interdrive.panel import PANEL, World
 from interdrive.scenario import StopLine, TrafficLight
+from interdrive.scoring import score as absolute_score
+from interdrive.scoring import score_table
+from interdrive.scoring.tables import COLUMNS
 from interdrive.testing import Car, problem, straight_road, world
 
 #: A goal that asks for 12 m/s over 180 m.
@@ -67,7 +69,7 @@ def drive(scenario, planner, others=(), traffic="idm", **options):
 def test_the_panel_itself_gets_everything_in_time():
     scenario = road()
     for name in PANEL:
-        found = panel_score(drive(scenario, name))
+        found = idr.score(drive(scenario, name), panel="default")
         assert found.score.tolist() == [1.0], name
         assert found.why(100) == "full score"
         assert found.panel == PANEL
@@ -76,12 +78,12 @@ def test_the_panel_itself_gets_everything_in_time():
 def test_without_anybody_who_reacts_nothing_is_known_of_hindrance():
     alone, among_replays = drive(road(), "idm"), drive(road(Car(7, 20.0, velocity=10.0)), "idm")
     for run in (alone, among_replays):
-        assert math.isnan(panel_score(run).totals[0].hindrance)
+        assert math.isnan(idr.score(run).totals[0].hindrance)
 
 
 def test_who_is_late_gets_the_share_of_the_second_fastest_driver():
     scenario = road(velocity=8.0, limit=12.0)
-    found = panel_score(drive(scenario, Constant))
+    found = idr.score(drive(scenario, Constant), panel="default")
     facts, total = found.facts[0], found.totals[0]
     assert facts.arrived
     assert not facts.in_time
@@ -94,7 +96,7 @@ def test_who_is_late_gets_the_share_of_the_second_fastest_driver():
 
 
 def test_who_stands_gets_next_to_nothing_and_reads_where_it_stood():
-    found = panel_score(drive(road(), Halt))
+    found = idr.score(drive(road(), Halt), panel="default")
     assert found.score[0] < 0.06
     assert found.totals[0].arrival == 0.5
     assert "; stood 2" in found.why(100)
@@ -105,19 +107,19 @@ def test_who_stands_gets_next_to_nothing_and_reads_where_it_stood():
 def test_a_halt_before_a_follower_forces_it_to_brake():
     # 1.5 s behind at 15 m/s, 4.5 m long.
     scenario = road(Car(7, 80.0 - 22.5 - 4.5, velocity=15.0), velocity=15.0, limit=15.0)
-    found = panel_score(drive(scenario, Halt, others=[7]), [100])
+    found = idr.score(drive(scenario, Halt, others=[7]), [100])
     assert found.facts[0].forced
     assert found.totals[0].hindrance == 0.0
     assert "hindrance 0: 7 braked with" in found.why(100)
     assert found.facts[0].lost > 5.0, "vehicle seconds"
-    honest = panel_score(drive(scenario, "idm", others=[7]), [100])
+    honest = idr.score(drive(scenario, "idm", others=[7]), [100])
     assert not honest.facts[0].forced
     assert honest.totals[0].hindrance > 0.9
 
 
 def test_who_stands_off_everybodys_way_takes_nothing_from_others():
     scenario = road(Car(7, 40.0, velocity=15.0), velocity=0.0, lanes=2, y=3.5)
-    found = panel_score(drive(scenario, Halt, others=[7]), [100])
+    found = idr.score(drive(scenario, Halt, others=[7]), [100])
     assert found.facts[0].lost == 0.0
     assert found.totals[0].hindrance == 1.0
 
@@ -125,7 +127,7 @@ def test_who_stands_off_everybodys_way_takes_nothing_from_others():
 def test_a_red_light_is_a_zero_without_any_collision():
     line = StopLine(1, np.array([[150.0, 1.75], [150.0, -1.75]]), ((1, (5,)),))
     scenario = replace(road(), traffic_lights=(TrafficLight(5, (("red", 900), ("green", 100))),), stop_lines=(line,))
-    found = panel_score(drive(scenario, Constant))
+    found = idr.score(drive(scenario, Constant), panel="default")
     assert found.facts[0].gates == {"red_light": 0.0}
     assert found.score[0] == 0.0
     assert found.why(100) == "passed a red light at 5.7 s"
@@ -135,7 +137,7 @@ def test_a_red_light_is_a_zero_without_any_collision():
 
 def test_somebody_hit_from_behind_is_judged_as_if_it_stood_from_then_on():
     scenario = road(Car(7, 40.0, velocity=20.0))
-    found = panel_score(drive(scenario, Constant))
+    found = idr.score(drive(scenario, Constant), panel="default")
     facts = found.facts[0]
     assert "fault" not in facts.gates
     assert facts.duration == pytest.approx(1.7 * 15.0), "s"
@@ -144,13 +146,13 @@ def test_somebody_hit_from_behind_is_judged_as_if_it_stood_from_then_on():
 
 
 def test_a_broken_planner_gets_nothing():
-    found = panel_score(drive(road(), Broken))
+    found = idr.score(drive(road(), Broken), panel="default")
     assert found.score[0] == 0.0
     assert found.why(100).startswith("planner_error: ")
 
 
 def test_without_a_panel_free_flow_is_the_yardstick_and_nothing_is_excused():
-    found = panel_score(drive(road(velocity=6.0, limit=12.0), Constant), panel=())
+    found = idr.score(drive(road(velocity=6.0, limit=12.0), Constant), panel="none")
     total, facts = found.totals[0], found.facts[0]
     assert math.isnan(total.yard)
     assert total.pace == pytest.approx(facts.free_flow / facts.duration)
@@ -161,7 +163,7 @@ def test_without_a_panel_free_flow_is_the_yardstick_and_nothing_is_excused():
 def test_what_no_driver_of_the_panel_can_help_is_excused():
     # A wall stands 7 m ahead: nobody can keep 0.95 s to it.
     scenario = road(Car(7, 91.0), velocity=12.0, steps=400)
-    found = panel_score(drive(scenario, "idm"))
+    found = idr.score(drive(scenario, "idm"), panel="default")
     assert max(found.facts[0].panel_ttc) == 0.0
     assert "ttc" in found.totals[0].excused
 
@@ -183,15 +185,39 @@ def test_in_its_own_place_a_driver_repeats_its_run_to_the_bit():
 
 def test_of_several_agents_nothing_is_said_about_what_they_take_from_others():
     run = drive(road(Car(7, 20.0, velocity=10.0)), "idm", others=[7])
-    found = panel_score(run, panel=())
+    found = idr.score(run, panel=["idm"])
     assert found.ids.tolist() == [7, 100]
-    assert all(math.isnan(one.hindrance) for one in found.totals)
+    assert np.isnan(found.terms["hindrance"]).all()
     assert "several agents are scored" in found.notes[0]
 
 
+def test_one_agent_is_scored_against_the_panel_and_several_are_scored_alone():
+    run = drive(road(Car(7, 20.0, velocity=10.0)), "idm", others=[7])
+    assert idr.score(run, [100]).panel == PANEL
+    alone = idr.score(run)
+    assert alone.panel == ()
+    assert alone.score.tobytes() == absolute_score(run).score.tobytes() == idr.score(run, panel="none").score.tobytes()
+    assert alone.score[1] == idr.score(run, [100], panel="none").score[0]
+
+
+def test_a_run_that_nothing_can_repeat_is_scored_alone_unless_a_panel_is_asked_for():
+    run = replace(drive(road(), "idm"), settings={})
+    assert idr.score(run).panel == ()
+    with pytest.raises(InputError, match="does not say how to repeat it"):
+        idr.score(run, panel="default")
+
+
+def test_without_a_list_of_violations_scores_say_that_none_count():
+    line = StopLine(1, np.array([[150.0, 1.75], [150.0, -1.75]]), ((1, (5,)),))
+    scenario = replace(road(), traffic_lights=(TrafficLight(5, (("red", 900), ("green", 100))),), stop_lines=(line,))
+    found = idr.score(replace(drive(scenario, Constant), violations=None), panel="none")
+    assert found.terms["gate_red_light"].tolist() == [1.0]
+    assert found.notes == ("violations were not recorded: lights, signs, crosswalks and right of way do not count",)
+
+
 def test_the_table_has_every_column():
-    table = panel_table(panel_score(drive(road(), Halt), panel=()))
-    assert table.column_names == [column.name for column in PANEL_COLUMNS]
+    table = score_table(idr.score(drive(road(), Halt), panel="none"))
+    assert table.column_names == [column.name for column in COLUMNS]
     assert table["in_time"].to_pylist() == [False]
     assert table["forced"].to_pylist() == [None], "nobody can react"
 
@@ -199,14 +225,12 @@ def test_the_table_has_every_column():
 def test_bad_input_is_refused_in_one_line():
     run = drive(road(), "idm")
     with pytest.raises(InputError, match="score: 5 is not an agent of this run"):
-        panel_score(run, [5])
-    with pytest.raises(InputError, match="no list of violations"):
-        panel_score(replace(run, violations=None))
+        idr.score(run, [5])
     bare = replace(run, agents=(replace(run.agents[0], reference_path=np.empty((0, 2))),))
     with pytest.raises(InputError, match="the run has no route of agent 100"):
-        panel_score(bare)
-    with pytest.raises(InputError, match="does not say how to repeat it"):
-        panel_score(replace(run, settings={}))
+        idr.score(bare)
+    with pytest.raises(InputError, match="nowhere: not a stored panel"):
+        idr.score(run, panel="nowhere")
     both = drive(road(Car(7, 20.0, velocity=10.0)), "idm", others=[7], traffic=Constant)
     with pytest.raises(InputError, match=r"(imports code outside|Python object)"):
-        panel_score(both, [100])
+        idr.score(both, [100], panel="default")

@@ -13,10 +13,10 @@ import interdrive as idr
 from interdrive.benchmarks import store_panel
 from interdrive.cli import main
 from interdrive.errors import InputError, ResultsError
-from interdrive.panel import PANEL, PanelFolder, World, panel_score, panel_table
+from interdrive.panel import PANEL, PanelFolder, World
 from interdrive.panel.stored import key_of
 from interdrive.results import save
-from interdrive.scoring import ScoringSettings
+from interdrive.scoring import ScoringSettings, score_table
 from interdrive.scoring.settings import ComfortBounds, PanelWeights
 
 AGENT, OTHERS = 2001, [1003, 1006]
@@ -36,7 +36,7 @@ def run():
 def folder(run, tmp_path_factory):
     """A panel in the place of the agent."""
     path = tmp_path_factory.mktemp("panel") / "stored"
-    panel_score(run, [AGENT], stored=PanelFolder.create(path, PANEL, "a test"))
+    idr.score(run, [AGENT], panel=PanelFolder.create(path, PANEL, "a test"))
     return path
 
 
@@ -49,30 +49,30 @@ def nothing_drives(monkeypatch):
 
 
 def test_a_stored_panel_gives_the_same_bits_without_driving(run, folder, nothing_drives):
-    stored = panel_score(run, [AGENT], stored=PanelFolder.open(folder, is_complete=True))
+    stored = idr.score(run, [AGENT], panel=PanelFolder.open(folder, is_complete=True))
     with pytest.MonkeyPatch.context() as patched:
         patched.undo()
         patched.setattr("interdrive.panel.worlds.simulate", idr.simulate)
-        driven = panel_score(run, [AGENT])
-    assert panel_table(stored).equals(panel_table(driven))
+        driven = idr.score(run, [AGENT])
+    assert score_table(stored).equals(score_table(driven))
     assert repr(stored.facts) == repr(driven.facts)
     assert stored.hindrances == driven.hindrances
 
 
 def test_one_panel_serves_all_planners_in_the_same_place(folder, nothing_drives):
     for planner in ("rollout", "frenet,level=1"):
-        found = panel_score(drive(planner), [AGENT], stored=PanelFolder.open(folder, is_complete=True))
+        found = idr.score(drive(planner), [AGENT], panel=PanelFolder.open(folder, is_complete=True))
         assert found.planners == (planner.partition(",")[0],)
         assert 0.0 <= found.score[0] <= 1.0
 
 
 def test_what_is_not_stored_is_driven_unless_it_must_not_be(folder):
     other = drive(traffic="idm")
-    found = panel_score(other, [AGENT], stored=PanelFolder.open(folder))
-    assert panel_table(found).equals(panel_table(panel_score(other, [AGENT])))
+    found = idr.score(other, [AGENT], panel=PanelFolder.open(folder))
+    assert score_table(found).equals(score_table(idr.score(other, [AGENT])))
     assert len(list(folder.glob("*.npz"))) == 1, "a panel that is only read does not grow"
     with pytest.raises(InputError, match=r"nothing in the place of agent 2001 of t_junction .* it has a test"):
-        panel_score(other, [AGENT], stored=PanelFolder.open(folder, is_complete=True))
+        idr.score(other, [AGENT], panel=PanelFolder.open(folder, is_complete=True))
 
 
 def test_the_key_is_that_of_everything_that_decides(run):
@@ -156,17 +156,17 @@ def test_bad_folders_are_refused_in_one_line(folder, tmp_path, run):
     key = key_of(World.of(run, AGENT), PANEL, ScoringSettings(), measures_hindrance=True)
     (damaged / f"{key}.npz").write_bytes(b"PK not a zip")
     with pytest.raises(ResultsError, match="cannot be read"):
-        panel_score(run, [AGENT], stored=stored)
+        idr.score(run, [AGENT], panel=stored)
     np.savez(damaged / f"{key}.npz", told=np.frombuffer(b'{"drives": {}}', dtype=np.uint8))
     with pytest.raises(ResultsError, match="cannot be read"):
-        panel_score(run, [AGENT], stored=stored)
+        idr.score(run, [AGENT], panel=stored)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--no-rerun",), "--no-rerun belongs to --panel"),
-        (("--panel", "default", "--no-rerun"), "--panel default is no stored panel"),
+        (("--no-rerun",), "--no-rerun: give the folder of a stored panel"),
+        (("--panel", "default", "--no-rerun"), "--no-rerun: give the folder of a stored panel"),
         (("--panel", "nowhere"), "nowhere: not a stored panel"),
     ],
 )

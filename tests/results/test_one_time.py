@@ -63,7 +63,7 @@ def test_story(hit):
 
 def test_score(hit):
     run, told, _ = hit
-    assert f"collision at {told} s, not its fault" in score(run).why(1)
+    assert f"hit by 7 at {told} s, not its fault" in score(run, panel="none").why(1)
 
 
 def test_criticality_and_harm(hit):

@@ -62,11 +62,16 @@ def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tm
     gone = replace(junction, name="gone", sha256="0" * 64, place="elsewhere", agents=(1,))
     monkeypatch.setattr(run, "read_set", lambda _: replace(tiny, files=(*tiny.files, gone)))
     found = idr.benchmark("recorded", predictor="constant_velocity", out=tmp_path / "out", workers=1)
-    assert (math.isnan(found.score), found.table[0].non_reactive) == (True, pytest.approx(100.0))
+    assert (math.isnan(found.score), found.table[0].score_1_non_reactive) == (True, pytest.approx(100.0))
+    assert 0.0 < found.table[0].non_reactive < 100.0, "recordings are noisy, and the panel is comfortable"
     assert (found.table[0].n_agents, found.table[0].zeros, found.is_partial) == (2, {}, True)
     assert found.missing == ("gone: not found (shipped)",)
     stored = json.loads((tmp_path / "out" / "benchmark.json").read_text())
     assert (stored["partial"], stored["rows"][0]["planner"]) == (True, "recorded")
+    assert stored["panel"] == "lawful, idm, idm_mobil, rollout"
+    row = stored["rows"][0]
+    assert (row["number"], row["columns"]) == (None, {"recorded": row["non_reactive"], "velocity_adjusting": None})
+    assert list((tmp_path / "out" / "panel").glob("*.npz"))
     assert stored["command"] == "interdrive benchmark recorded --set shipped-2 --split dev"
 
 

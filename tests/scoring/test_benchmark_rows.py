@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import re
 from pathlib import Path
@@ -11,19 +12,20 @@ import pytest
 from tests.comparison.test_batch_comparison import UNABLE, crash, invented
 
 from interdrive.batches.store import BatchFolder
-from interdrive.benchmarks import Benchmark, SetFile, read_set, run
+from interdrive.benchmarks import Benchmark, SetFile, read_benchmark, read_set, run
 from interdrive.benchmarks.reference import reference_rows
-from interdrive.benchmarks.rows import plain, planner_rows, scenario_scores
+from interdrive.benchmarks.rows import from_plain, plain, planner_rows, scenario_scores
 from interdrive.cli.score_report import print_batch_scores, print_benchmark
 from interdrive.comparison import compare
 from interdrive.comparison.scores import batch_scores
 from interdrive.comparison.variants import left_out_humans, rows_of
+from interdrive.errors import ResultsError
 
 TRAFFIC = ("recorded", "velocity_adjusting")
 FAILED = crash() | {"score": 0.0}
 LEFT_OUT = "left out: agents that a planner cannot drive, or whose recordings overlap those of others"
 #: An agent that is not scored, as its recording overlaps that of another one.
-OVERLAPS = {"score": None, "score_strict": None}
+OVERLAPS = {"score": None, "score_1": None}
 
 
 def file(name, agents=(1, 2, 3), category="s"):
@@ -103,7 +105,7 @@ def test_agents_whose_recordings_overlap_those_of_others_are_left_out_for_every_
     found = rows(tmp_path / "out", runs)
     other, idm = found["other", "all"], found["idm", "all"]
     assert (idm.n_agents, idm.n_left_out, idm.score, idm.non_reactive) == (2, 1, 50.0, 50.0)
-    assert (idm.zeros, idm.n_common) == ({"progress": 1}, 2)
+    assert (idm.zeros, idm.n_common) == ({"terms": 1}, 2)
     assert (other.n_left_out, other.n_common, other.common) == (1, 2, 100.0)
     table = rows_of(BatchFolder.open(tmp_path / "out").table())
     table["variant"] = table["planner"]
@@ -210,7 +212,8 @@ def test_raw_recordings_are_another_benchmark_than_that_of_known_planners(tmp_pa
         with pytest.raises(InterruptedError):
             run.benchmark("idm", out=tmp_path, raw=raw)
     assert given == [None, {"recording.raw": True}]
-    assert run._command(["idm"], "shipped-2", "dev", None, raw=True).endswith(" --split dev --raw")
+    assert run._command(["idm"], "shipped-2", "dev", None, "default", raw=True).endswith(" --split dev --raw")
+    assert run._command(["idm"], "shipped-2", "dev", None, "p", raw=False).endswith(" --split dev --panel p")
 
 
 def test_comparisons_and_scores_say_that_replayed_humans_among_reacting_traffic_are_left_out(tmp_path, capsys):
@@ -227,3 +230,31 @@ def test_comparisons_among_replayed_traffic_do_not_speak_of_it(tmp_path):
     folder = invented(tmp_path / "replayed", runs)
     assert not left_out_humans(BatchFolder.open(folder).table())
     assert "not judged" not in " ".join(compare(folder).caveats)
+
+
+def test_rows_have_a_number_and_columns_and_are_read_again(tmp_path):
+    row = rows(tmp_path / "out", alone("idm", {1: {}, 2: FAILED, 3: {}}))["idm", "all"]
+    told = plain(row)
+    assert told["number"] == told["columns"]["velocity_adjusting"] == pytest.approx(200 / 3)
+    assert told["columns"]["recorded"] == pytest.approx(200 / 3)
+    again = from_plain(json.loads(json.dumps(told)), [file("x")])
+    assert (again.number, again.columns, again.hindrance) == (row.number, row.columns, 1.0)
+
+
+def test_a_benchmark_of_the_release_before_is_read_with_its_score_as_score_1(tmp_path):
+    junction = next(one for one in read_set("shipped-2").files if one.name == "t_junction")
+    old = {
+        "planner": "mine", "category": "all", "score": 80.0, "low": 70.0, "high": 90.0, "non_reactive": 75.0,
+        "reached": 50.0, "at_fault": 0.0, "ttc_critical": 1.0, "jerk": 2.0, "plan_ms": 0.1, "n_scenarios": 4,
+        "n_agents": len(junction.agents), "zeros": {"progress": 1}, "version": "0.1.0", "n_left_out": 0,
+        "n_common": 8, "common": 80.0, "common_non_reactive": 75.0,
+    }  # fmt: skip
+    content = {"format": 1, "set": "shipped-2", "split": "dev", "rows": [old]}
+    (tmp_path / "benchmark.json").write_text(json.dumps(content))
+    found = read_benchmark(tmp_path)[0]
+    assert (found.planner, found.score_1, found.score_1_non_reactive, found.reached) == ("mine", 80.0, 75.0, 50.0)
+    assert math.isnan(found.number) and math.isnan(found.low) and math.isnan(found.columns["recorded"])
+    for damaged in ("{}", "not JSON", json.dumps(content | {"format": 3}), json.dumps(content | {"rows": [{}]})):
+        (tmp_path / "benchmark.json").write_text(damaged)
+        with pytest.raises(ResultsError, match=r"benchmark\.json"):
+            read_benchmark(tmp_path)

@@ -14,6 +14,7 @@ from interdrive.cli import main
 from interdrive.comparison.scores import batch_scores, planner_score
 from interdrive.report.contents import run_contents
 from interdrive.results import save
+from interdrive.scoring.total import GATES
 
 
 def invoked(*arguments):
@@ -45,7 +46,7 @@ def test_a_run_gets_its_table_and_pages_show_it(folder):
 
 def test_other_settings_and_chosen_agents_are_printed_only(folder, tmp_path):
     before = (folder / "score.parquet").exists()
-    code, text, _ = invoked(folder, "--agents", 1005, "--set", "scoring.weights.comfort=0", "--csv")
+    code, text, _ = invoked(folder, "--agents", 1005, "--set", "scoring.panel.comfort=0", "--csv")
     rows = list(csv.DictReader(io.StringIO(text)))
     assert (code, [row["agent_id"] for row in rows]) == (0, ["1005"])
     assert (folder / "score.parquet").exists() == before
@@ -74,7 +75,8 @@ def test_a_folder_that_is_no_run_is_refused_in_one_line(tmp_path):
 def test_batches_have_scores_and_put_scenarios_together(batch):
     rows = idr.read_batch(batch).to_pylist()
     # Agent 2001 is a planning problem without a recording.
-    assert [row["score"] for row in rows if row["planner"] == "recorded" and row["agent_id"] != 2001] == [1.0]
+    assert [row["score_1"] for row in rows if row["planner"] == "recorded" and row["agent_id"] != 2001] == [1.0]
+    assert {row["panel"] for row in rows} == {"", None}
     found = {one.variant: one for one in batch_scores(batch)}
     idm = [row["score"] for row in rows if row["planner"] == "idm"]
     assert found["idm"].score == pytest.approx(100.0 * np.mean(idm))
@@ -98,12 +100,13 @@ def test_an_agent_that_was_lost_counts_as_0_and_scenarios_count_alike():
         "under_test": np.array([1.0, 1.0, 1.0, np.nan]),
         "outcome": np.array(["goal_reached", "collision", "goal_reached", None], dtype=object),
         "off_road": np.array([0.0, 1.0, 0.0, np.nan]),
-        "direction": np.array([1.0, 1.0, 1.0, np.nan]),
+        **{f"gate_{name}": np.array([1.0, 1.0, 1.0, np.nan]) for name in GATES},
         "fault": np.array([0.0, 0.0, 0.0, np.nan]),
         "fault_nuplan": np.zeros(4),
         "fault_kind": np.array(["", "", "", None], dtype=object),
         "score": np.array([1.0, 0.0, 0.8, np.nan]),
-        "score_strict": np.array([0.5, 0.0, 0.8, np.nan]),
+        "score_1": np.array([0.5, 0.0, 0.8, np.nan]),
+        "panel": np.array(["", "", "", None], dtype=object),
     }
     found = planner_score(rows, np.ones(4, dtype=bool), {"x": {(0, 1), (0, 2)}, "y": {(0, 1), (0, 7)}})
     assert found.by_scenario == {"x": 0.5, "y": 0.4}

@@ -49,45 +49,48 @@ def collided():
 
 
 def test_the_recording_itself_gets_everything():
-    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), "recorded"))
-    assert (found.score[0], found.score_strict[0], found.excused[0]) == (1.0, 1.0, ())
-    assert np.isnan(found.terms["speed_term"][0]), "no lanelet states a limit"
+    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), "recorded"), panel="none")
+    assert (found.score[0], found.score_1[0], found.excused[0]) == (1.0, 1.0, ())
+    assert found.terms["gate_speed"][0] == 1.0, "no lanelet states a limit"
     assert found.why(1) == "full score"
 
 
-def test_who_stands_where_the_recording_drives_makes_no_progress():
-    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), Stand))
-    driven = 12.0**2 / 4.0
-    assert found.terms["progress"][0] == pytest.approx(driven / 94.0, abs=0.03)
-    assert found.score[0] < 0.85
+def test_who_stands_where_free_flow_drives_has_the_share_of_its_time():
+    found = idr.score(follow(Car(2, x=60.0, velocity=12.0), Stand), panel="none")
+    way, free, duration = (found.terms[name][0] for name in ("way", "free_flow", "duration"))
+    assert way == pytest.approx(12.0**2 / 4.0, abs=0.7), "m"
+    assert found.terms["pace"][0] == pytest.approx(free / duration)
+    assert found.score[0] == pytest.approx(found.terms["pace"][0])
+    assert found.score[0] < 0.5 < found.score_1[0]
 
 
 def test_driving_into_a_standing_car_is_its_fault_and_the_score_says_so(collided):
-    found = idr.score(collided)
+    found = idr.score(collided, panel="none")
     assert (found.score[0], found.fault[0], found.fault_kind[0]) == (0.0, True, "ran_into")
     assert found.terms["room"][0] == pytest.approx(55.5 - 15.0, abs=0.01)
     assert found.why(1).startswith(
         "at fault: ran into 2, which was in its way at 0.0 s with 55.5 m left, 15.0 m needed"
     )
-    assert "ttc" in found.excused[0], "the recording drove through the standing car, too"
-    assert "time to contact straight on not counted: the recorded driver was no better" in found.why(1)
-    assert found.score_strict[0] == 0.0
+    assert found.score_1[0] == 0.0
+    assert "time to contact straight on 0: " in found.why(1)
 
 
 def test_a_standing_thing_counts_half(collided):
     kinds = tuple("structure" if n == 2 else k for n, k in zip((1, 2), collided.states.kinds, strict=True))
     thing = replace(collided, states=replace(collided.states, kinds=kinds))
-    assert 0.0 < idr.score(thing).score[0] <= 0.5
-    assert "(counts half)" in idr.score(thing).why(1)
+    found = idr.score(thing, panel="none")
+    assert found.terms["gate_fault"][0] == 0.5
+    assert 0.0 < found.score_1[0] <= 0.5
+    assert "(counts half)" in found.why(1)
 
 
 def test_time_to_contact_straight_on_and_time_to_collision_along_lanes_are_told_apart():
     agent = problem(1, 30.0, velocity=10.0, goal=(180.0, 0.0), time_step=(0, 200))
     scenario = world(straight_road(300.0), cars=[Car(7, 38.0, velocity=0.5)], problems=[agent], steps=60)
     run = idr.simulate(scenario, agents=[1], planner=Straight, threads=1)
-    found = idr.score(run)
+    found = idr.score(run, panel="none")
     told = "; ".join(found.reasons[0]) + " ".join(story(run, 1))
-    assert "time to contact straight on 0.00: " in told
+    assert "time to contact straight on 0: " in told
     assert "least time to collision along lanes" in told
     assert "time to collision " not in told.replace("time to collision along lanes", "")
     assert "TTC" not in told
@@ -96,17 +99,20 @@ def test_time_to_contact_straight_on_and_time_to_collision_along_lanes_are_told_
 def test_an_agent_whose_planner_broke_gets_nothing(collided):
     ended = collided.outcomes
     broken = replace(collided, outcomes=replace(ended, outcome=("planner_error",), partner_id=np.array([-1])))
-    assert (idr.score(broken).score[0], idr.score(broken).why(1)[:13]) == (0.0, "planner_error")
+    found = idr.score(broken, panel="none")
+    assert (found.score[0], found.score_1[0], found.why(1)[:13]) == (0.0, 0.0, "planner_error")
 
 
-def test_without_a_recording_progress_is_the_way_to_the_goal_in_its_time():
+def test_without_a_recording_progress_in_score_1_is_the_way_to_the_goal_in_its_time():
     goal = problem(1, 10.0, velocity=8.0, goal=(110.0, 0.0), time_step=(0, 100))
     run = idr.simulate(world(straight_road(300.0), problems=[goal], steps=50), agents=[1], planner=Straight)
     late = replace(run, outcomes=replace(run.outcomes, outcome=("time_limit",)))
     # 95 m to the goal in at most 10 s; it drives 8 m/s until the run ends.
     seconds = (run.states.n_steps - 2) * 0.1
-    expected = (8.0 * seconds) / (94.2 * min(1.0, (seconds + 0.1) / 10.0))
-    assert idr.score(late).terms["progress"][0] == pytest.approx(min(1.0, expected), abs=0.02)
+    progress = min(1.0, (8.0 * seconds) / (94.2 * min(1.0, (seconds + 0.1) / 10.0)))
+    # Progress, time to contact straight on and comfort, no limit: 5, 5 and 2 of 12.
+    expected = (5.0 * progress + 7.0) / 12.0
+    assert idr.score(late, panel="none").score_1[0] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_red_light_decides_at_a_crossing_whose_fault_it_is(collided):

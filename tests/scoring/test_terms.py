@@ -9,7 +9,7 @@ import pytest
 
 from interdrive.errors import InputError
 from interdrive.scoring import ComfortBounds, ScoringSettings
-from interdrive.scoring.evaluation import total
+from interdrive.scoring.score_1 import weighted
 from interdrive.scoring.smoothing import smoothed
 from interdrive.scoring.terms import Motion, comfort_term, direction_term, progress_term, speed_term, ttc_term
 
@@ -102,11 +102,11 @@ def test_the_time_to_contact_has_to_stay_above_0_95_seconds():
 
 def test_scores_are_factors_times_the_weighted_mean_of_what_can_be_told():
     terms = {"progress": 0.8, "ttc": 1.0, "speed": 0.730942, "comfort": 0.0}
-    assert total({}, terms, WEIGHTS) == pytest.approx(0.745235, abs=1e-6)
-    assert total({}, terms | {"speed": math.nan}, WEIGHTS) == pytest.approx(0.75)
-    assert total({"direction": 0.5}, terms, WEIGHTS) == pytest.approx(0.372618, abs=1e-6)
-    assert total({}, terms | {"comfort": 1.0}, WEIGHTS) == pytest.approx(0.870235, abs=1e-6)
-    assert total({"fault": 0.0}, dict.fromkeys(terms, math.nan), WEIGHTS) == 0.0
+    assert weighted({}, terms, WEIGHTS) == pytest.approx(0.745235, abs=1e-6)
+    assert weighted({}, terms | {"speed": math.nan}, WEIGHTS) == pytest.approx(0.75)
+    assert weighted({"direction": 0.5}, terms, WEIGHTS) == pytest.approx(0.372618, abs=1e-6)
+    assert weighted({}, terms | {"comfort": 1.0}, WEIGHTS) == pytest.approx(0.870235, abs=1e-6)
+    assert weighted({"fault": 0.0}, dict.fromkeys(terms, math.nan), WEIGHTS) == 0.0
 
 
 @pytest.mark.parametrize("change", [{"overspeed": 0.0}, {"ttc_bound": 3.0}, {"progress_min": math.nan}])

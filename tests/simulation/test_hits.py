@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import interdrive as idr
-from interdrive.panel import panel_score
 from interdrive.results import save
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -79,9 +78,9 @@ def test_who_hits_it_is_gone_from_the_next_step_on():
 
 
 def test_being_hit_changes_no_bit_of_the_score():
-    found = [panel_score(drive(road(*cars)), panel=("lawful", "idm", "idm_mobil")) for cars in ((), FROM_BEHIND)]
+    found = [idr.score(drive(road(*cars)), panel=("lawful", "idm", "idm_mobil")) for cars in ((), FROM_BEHIND)]
     assert found[0].score.tobytes() == found[1].score.tobytes()
-    assert [one.hits for one in found] == [(0,), (3,)]
+    assert [one.hits.tolist() for one in found] == [[0], [3]]
     assert "hit by 7 at 2." in found[1].why(100)
 
 
@@ -89,10 +88,10 @@ def test_a_run_that_ended_by_a_hit_is_driven_on_if_its_planner_can_be_repeated()
     ended = drive(road(*FROM_BEHIND), settings={})
     assert ended.outcomes.outcome == ("collision",)
     assert ended.hits is None
-    on, cut = panel_score(ended, panel=(), trust=True), panel_score(ended, panel=())
-    assert on.hits == (3,)
-    assert on.score.tobytes() == panel_score(drive(road()), panel=()).score.tobytes()
-    assert cut.hits == (1,)
+    on, cut = idr.score(ended, panel=["lawful"], trust=True), idr.score(ended, panel=["lawful"])
+    assert on.hits.tolist() == [3]
+    assert on.score.tobytes() == idr.score(drive(road()), panel=["lawful"]).score.tobytes()
+    assert cut.hits.tolist() == [1]
     assert cut.score[0] <= on.score[0], "a lower bound"
 
 

@@ -10,9 +10,7 @@ import numpy as np
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
-from interdrive.panel import PANEL
-from interdrive.panel.judgement import panel_drives
-from interdrive.panel.worlds import World
+from interdrive.panel import PANEL, World, panel_drives
 from interdrive.scoring import ScoringSettings
 from interdrive.scoring import drive_facts as facts
 from interdrive.scoring.hindrance import Hindrance, hindrance_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 
 from interdrive.batches.columns import COLUMNS
 from interdrive.errors import ResultsError
+from interdrive.scoring import FORMER_COLUMNS, SCORE_COLUMNS
 from interdrive.storage import Origin, check_values, replacing, schema_of
 
 if TYPE_CHECKING:
@@ -23,6 +24,14 @@ if TYPE_CHECKING:
 #: Runs of one file may differ in these; their columns say how each came about.
 _ORIGIN = Origin(
     {"of each run": "columns settings, planner, predictor"}, {"of each run": "columns scenario_sha256, digest"}
+)
+
+#: Columns of scores, of this format and of the one before, and all columns of the latter that are the same now.
+_SCORES = {column.name for column in SCORE_COLUMNS} | {*FORMER_COLUMNS}
+_KEPT = (
+    {column.name for column in COLUMNS} - _SCORES
+    | {"fault", "fault_kind", "fault_nuplan", "collision_type", "room"}
+    | {"straight_ttc_min", "lane_keeping", "excused", "why"}
 )
 
 #: Rows are read and written in portions of about this many.
@@ -86,11 +95,14 @@ def read(
     try:
         file = _opened(path)
         wanted = [column.name for column in COLUMNS] if columns is None else list(columns)
+        is_former = _is_former(file.schema_arrow.names)
+        there = _sources(wanted) if is_former else wanted
+        taken = partial(_renewed if is_former else pa.Table.select, columns=wanted)
         if keys is None and not but:
-            return _checked(file.read(columns=wanted).select(wanted), path)
+            return _checked(taken(file.read(columns=there)), path)
         found = [
-            _chosen(_checked(pa.Table.from_batches([batch]).select(wanted), path), keys, but or set())
-            for batch in file.iter_batches(batch_size=_PORTION, columns=wanted)
+            _chosen(_checked(taken(pa.Table.from_batches([batch])), path), keys, but or set())
+            for batch in file.iter_batches(batch_size=_PORTION, columns=there)
         ]
         return joined(found, columns)
     except (pa.ArrowException, OSError) as cause:
@@ -130,15 +142,42 @@ def _chosen(table: pa.Table, keys: set[str] | None, but: set[str]) -> pa.Table:
     return table.filter(is_wanted)
 
 
-def streamed(path: Path) -> ds.Dataset:
+def _is_former(names: Sequence[str]) -> bool:
+    return FORMER_COLUMNS[0] in names
+
+
+def _source(name: str) -> str:
+    """Which column of a file of the format before a column is; "" if it had none."""
+    return "score" if name == "score_1" else name if name in _KEPT else ""
+
+
+def _sources(wanted: Sequence[str]) -> list[str]:
+    """Which columns the wanted ones are made of; "key" at least, which says how many rows there are."""
+    return list(dict.fromkeys(["key", *filter(None, map(_source, wanted))]))
+
+
+def _renewed(table: pa.Table, columns: Sequence[str]) -> pa.Table:
+    """Columns of this version from a file of the format before; what that did not have is null."""
+    schema = pa.schema([_schema().field(name) for name in columns])
+    values = [
+        table[_source(field.name)] if _source(field.name) else pa.array([None] * table.num_rows, field.type)
+        for field in schema
+    ]
+    return pa.table(values, schema=schema)
+
+
+def streamed(path: Path) -> ds.Dataset | pa.Table:
     """A file whose rows are read in portions while they are asked for; that another one takes its place does no harm.
+
+    A file of the format before is read whole.
 
     Raises:
         ResultsError: It is damaged or has other columns.
     """
     import pyarrow.dataset as ds  # noqa: PLC0415 - imports pandas where there is one, which takes a second
 
-    _opened(path)
+    if _is_former(_opened(path).schema_arrow.names):
+        return read(path)
     form = ds.ParquetFileFormat()
     fragment = form.make_fragment(pa.OSFile(str(path)))
     return ds.FileSystemDataset([fragment], fragment.physical_schema, form)
@@ -178,7 +217,11 @@ def _opened(path: Path) -> pq.ParquetFile:
         raise ResultsError(f"{path}: cannot be read: {' '.join(str(cause).split())}") from cause
     expected, schema = _schema(), found.schema_arrow  # which is made anew every time one asks for it
     names = schema.names
-    if names != expected.names:
+    if _is_former(names):
+        names = [name for name in names if name not in _SCORES - _KEPT]
+        if set(names) != _KEPT:
+            raise ResultsError(f"{path}: its columns are neither those of this version nor of the one before")
+    elif names != expected.names:
         other = next(iter(set(names) ^ set(expected.names)), "their order")
         raise ResultsError(f"{path}: its columns differ from those of this version ({other} differs)")
     for name in names:

@@ -18,11 +18,12 @@ from interdrive.batches.plan import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import content_of_file, content_sha256, open_scenario, scenario_parts
 from interdrive.foreign import failure
+from interdrive.panel import NONE, PanelFolder, score
 from interdrive.planners import RECORDED_PATH
 from interdrive.results import save
 from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road
-from interdrive.scoring import save_score, score
+from interdrive.scoring import save_score
 from interdrive.simulation import reachable_agents, simulate
 from interdrive.storage import arrow_table
 
@@ -69,11 +70,13 @@ class Job:
         keep: One of `KEEP`.
         content: Content of the scenario file and of files that belong to it, by name; empty: they lie where they were
             found.
+        stored: Where the drives of the panel are stored.
     """
 
     spec: RunSpec
     keep: str
     content: Mapping[str, bytes] | None = None
+    stored: PanelFolder | None = None
 
 
 #: The scenario that was read last: runs of the same scenario follow each other.
@@ -129,7 +132,8 @@ def _finished(job: Job, attempts: int) -> Finished:
     start = time.perf_counter()
     run, under_test = simulated(spec, scenario)
     criticality = run.criticality(threads=1)
-    scores = score(run, sorted(under_test - scenario.overlapping))
+    panel = NONE if not spec.panel else job.stored if job.stored is not None else spec.panel
+    scores = score(run, sorted(under_test - scenario.overlapping), panel=panel, trust=True)
     run_seconds = time.perf_counter() - start
     ended = zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)
     outcomes = tuple(outcome for number, outcome in ended if number in under_test)

@@ -36,7 +36,10 @@ if TYPE_CHECKING:
     from interdrive.config.specs import AgentChoice, PlannerSpecs, PredictorSpecs, Resolved
 
 #: Version of the data set's columns and of the folder; raised when one changes its name or meaning.
-FORMAT = 5
+FORMAT = 6
+
+#: The layout before, whose `score` is `score_1` now: such data sets are read, but nothing is added to them.
+FORMER = 5
 
 #: What vehicles do that could be agents but are not under test.
 TRAFFIC = ("recorded", "velocity_adjusting", "same")
@@ -97,6 +100,7 @@ class RunSpec:
         predictor: Of all agents. predictor_label: What tables call it.
         agents: Agents under test: "all", a maximum number, or ids.
         traffic: One of `TRAFFIC`.
+        panel: Drivers that drive in the place of the agent under test, for its score; empty: none.
         seed: Chooses a number of agents.
         settings: Of the simulation.
         problem: Why it cannot be done; None if nothing is known against it.
@@ -118,6 +122,7 @@ class RunSpec:
     traffic: str
     seed: int
     settings: SimulationSettings
+    panel: tuple[str, ...] = ()
     problem: Problem | None = None
     content: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
@@ -165,6 +170,7 @@ def planned(
     alone: bool,
     seeds: int,
     settings: SimulationSettings,
+    panel: tuple[str, ...] = (),
 ) -> BatchPlan:
     """Every combination of scenario, planner, predictor and seed; the arguments are those of `batch`.
 
@@ -172,6 +178,8 @@ def planned(
         InputError: Nothing to do, or something that cannot be used.
     """
     agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds)
+    if panel and not alone:
+        raise InputError("panel: it drives in the place of one agent; test every agent alone (--alone)")
     files, notes = scenario_files(paths)
     planners = {key: read_planner(one, settings.planner) for key, one in choices(planner, "planner").items()}
     predictors = {key: read_predictor(one, settings.predictor) for key, one in choices(predictor, "predictor").items()}
@@ -191,7 +199,7 @@ def planned(
             RunSpec(
                 "", file.path, file.name, file.category, file.sha256, file.parts_sha256, file.size,
                 chosen, planner_label, expected, predictor_label, agents, traffic, seed, settings,
-                content=contents[planner_label, predictor_label],
+                panel=panel, content=contents[planner_label, predictor_label],
             )
         )
         for file in files
@@ -365,6 +373,7 @@ def _keyed(spec: RunSpec) -> RunSpec:
         "labels": [spec.planner_label, spec.predictor_label],
         "agents": spec.agents,
         "traffic": spec.traffic,
+        "panel": spec.panel,
         "seed": spec.seed,
         **spec.content,
     }

@@ -18,6 +18,7 @@ from interdrive.batches.store import BatchFolder, recordings_in
 from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import settings_of
 from interdrive.errors import InputError, InterdriveError
+from interdrive.panel import NONE, PanelFolder, chosen_panel
 from interdrive.storage import keep_inputs, resolved
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpecs, PredictorSpecs
     from interdrive.storage import ArrowTable
+
+#: Where drives of the panel are stored in the folder of a batch.
+_PANEL = "panel"
 
 #: How often it is looked whether another batch has done the runs that it claimed [s].
 _LOOK_EVERY = 0.5
@@ -106,6 +110,7 @@ def batch(
     run_timeout: float = math.inf,
     memory: float = math.inf,
     keep: str = "none",
+    panel: str | Path = NONE,
     retry: bool = False,
     ray: str | None = None,
     on_progress: Callable[[Progress], None] | None = None,
@@ -132,6 +137,9 @@ def batch(
         run_timeout: Time limit of a run [s].
         memory: Memory limit of a worker process [bytes].
         keep: Run folders to keep: "none", "failed" (an agent under test did not reach its goal) or "all".
+        panel: Against what agents are scored: "none" (the run alone: absolute scores), "default" (four drivers drive in
+            the place of each, once for all planners, stored in the folder `panel` of the batch), or the folder of a
+            stored panel. Only with `alone`.
         retry: Repeat runs that did not finish.
         ray: Address of a Ray cluster ("auto": the cluster of this machine); None: worker processes.
         on_progress: Called whenever a run has ended.
@@ -149,6 +157,7 @@ def batch(
     start = time.monotonic()
     _check(workers, run_timeout, memory, keep)
     paths = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    drivers, stored = chosen_panel(panel)
     plan = planned(
         paths,
         planner=planner,
@@ -158,6 +167,7 @@ def batch(
         alone=alone,
         seeds=seeds,
         settings=settings_of(settings),
+        panel=drivers,
     )
     resolved(out)  # refused by its own name
     keep_inputs(recordings_in(out), {spec.path for spec in plan.specs})
@@ -172,10 +182,12 @@ def batch(
         if alone:
             plan = replace(plan, specs=_expanded(plan, folder, backend, send=ray is not None))
         specs = {spec.key: spec for spec in plan.specs}
+        if drivers and stored is None and ray is None:
+            stored = PanelFolder.create(folder.path / _PANEL, drivers)
         before = folder.done()
         missing = [spec for key, spec in specs.items() if _is_missing(before.get(key), keep, retry=retry)]
         try:
-            _conduct(missing, folder, backend, keep, send=ray is not None, on_progress=on_progress)
+            _conduct(missing, folder, backend, keep, stored, send=ray is not None, on_progress=on_progress)
         finally:
             folder.tidy(now=True)
         done = folder.done()
@@ -224,7 +236,7 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
 
     def take(_group: str) -> Task[Job] | None:
         spec = next(queue, None)
-        return None if spec is None else Task(_job(spec, "none", send=send), spec.sha256)
+        return None if spec is None else Task(_job(spec, "none", None, send=send), spec.sha256)
 
     for end in backend.run(agents_of, take):
         spec = end.task.payload.spec
@@ -285,6 +297,7 @@ def _conduct(
     folder: BatchFolder,
     backend: Backend,
     keep: str,
+    stored: PanelFolder | None,
     *,
     send: bool,
     on_progress: Callable[[Progress], None] | None,
@@ -313,7 +326,7 @@ def _conduct(
 
     def take(group: str) -> Task[Job] | None:
         spec = queue.take(group)
-        return None if spec is None else Task(_job(spec, keep, send=send), spec.sha256)
+        return None if spec is None else Task(_job(spec, keep, stored, send=send), spec.sha256)
 
     waiting = list(missing)
     while waiting:
@@ -336,11 +349,11 @@ def _twice(end: End[Any]) -> str:
     return f"{end.why}, {times}"
 
 
-def _job(spec: RunSpec, keep: str, *, send: bool) -> Job:
+def _job(spec: RunSpec, keep: str, stored: PanelFolder | None, *, send: bool) -> Job:
     """What a worker is told; one on another machine is sent the scenario, too."""
     if not send:
-        return Job(spec, keep)
+        return Job(spec, keep, stored=stored)
     try:
-        return Job(spec, keep, content_of(spec))
+        return Job(spec, keep, content_of(spec), stored)
     except InterdriveError as error:
         return Job(spec.impossible(Problem("failed", str(error))), keep)

@@ -4,6 +4,7 @@
     results.parquet     all runs that were merged
     runs/<key>.parquet  runs that are not merged yet
     recordings/<key>/   run folders that are kept
+    panel/              drives of the panel against which agents are scored
     .locks              which runs are being done; nothing is stored in it
     .stored             a line per run that was stored, for batches that are at work at the same time
 
@@ -26,7 +27,7 @@ from typing import TYPE_CHECKING
 from interdrive import _core
 from interdrive.batches.columns import NOT_ARRIVED
 from interdrive.batches.dataset import check_key, in_order, in_portions, joined, merge, n_keys, read, read_run
-from interdrive.batches.plan import FORMAT
+from interdrive.batches.plan import FORMAT, FORMER
 from interdrive.errors import ResultsError
 from interdrive.storage import (
     FolderKind,
@@ -103,7 +104,7 @@ class BatchFolder:
         for is_last in (False, True):
             inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()
             if _MARK in inside:
-                return cls.open(path)
+                return cls.open(path, writes=True)
             if target.is_dir() and all(name.startswith(f".{_MARK}.") for name in inside):
                 break
             try:
@@ -117,8 +118,8 @@ class BatchFolder:
         return cls(target)
 
     @classmethod
-    def open(cls, path: str | Path) -> BatchFolder:
-        """A folder that is there.
+    def open(cls, path: str | Path, *, writes: bool = False) -> BatchFolder:
+        """A folder that is there; one of the format before only if nothing is written to it.
 
         Raises:
             ResultsError: It is no batch, or one of another version of the schema.
@@ -135,11 +136,11 @@ class BatchFolder:
             if entry.is_symlink():
                 raise ResultsError(f"{entry.path}: this is a symbolic link; put what it links to into the batch folder")
         found = info.get("format") if isinstance(info, dict) else None
-        if type(found) is not int or found != FORMAT:
+        if type(found) is not int or found not in ((FORMAT,) if writes else (FORMAT, FORMER)):
             shown = found if isinstance(found, int) else "unknown"
             raise ResultsError(
-                f"{path}: a batch of format {shown}, this version of interdrive reads and writes format {FORMAT}; "
-                "choose a new folder"
+                f"{path}: a batch of format {shown}, this version of interdrive writes format {FORMAT} and reads "
+                f"{FORMER}; choose a new folder"
             )
         return cls(target)
 

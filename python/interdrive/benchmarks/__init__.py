@@ -8,7 +8,7 @@ Sets, runs and what the number does not tell: docs/how_to/benchmark.md.
 
 from interdrive.benchmarks.panels import StoredPanel, store_panel
 from interdrive.benchmarks.rows import Row
-from interdrive.benchmarks.run import Benchmark, benchmark
+from interdrive.benchmarks.run import Benchmark, benchmark, read_benchmark
 from interdrive.benchmarks.sets import SPLITS, BenchmarkSet, SetFile, read_set, set_names
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "SetFile",
     "StoredPanel",
     "benchmark",
+    "read_benchmark",
     "read_set",
     "set_names",
     "store_panel",

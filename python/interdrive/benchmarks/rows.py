@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ from interdrive.comparison.scores import among, own_agents, planner_score
 from interdrive.comparison.variants import ALL
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from interdrive.benchmarks.sets import SetFile
     from interdrive.comparison.scores import PlannerScore
@@ -27,7 +28,7 @@ NON_REACTIVE, REACTIVE = "recorded", "velocity_adjusting"
 _HUMAN = "recorded"
 
 #: Numbers among reacting traffic, which a replayed human does not have: it does not react.
-_REACTIVE = ("score", "low", "high", "reached", "at_fault", "ttc_critical", "jerk")
+_REACTIVE = ("score", "score_1", "low", "high", "reached", "at_fault", "ttc_critical", "jerk")
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,12 @@ class Row:
 
     Attributes:
         planner: Label. category: Of the roads, or "all".
-        score: Among reacting traffic, 0 to 100. low: End of its interval over places. high: Other end.
+        score: Among reacting traffic, 0 to 100; nan in rows of earlier releases. low: End of its interval over places.
+        high: Other end.
         non_reactive: The same number among replayed traffic.
+        score_1: The score of earlier releases among reacting traffic. score_1_non_reactive: Among replayed traffic.
+        hindrance: Mean of the term, reacting traffic. hits: Hits per 100 agents that were not their fault, reacting
+            traffic.
         reached: Agents that reached their goal in time, reacting traffic [%].
         at_fault: Collisions at fault per 100 agents, reacting traffic.
         ttc_critical: Share of time with a TTC under 2 s, reacting traffic [%].
@@ -71,6 +76,20 @@ class Row:
     n_common: int = 0
     common: float = math.nan
     common_non_reactive: float = math.nan
+    score_1: float = math.nan
+    score_1_non_reactive: float = math.nan
+    hindrance: float = math.nan
+    hits: float = math.nan
+
+    @property
+    def number(self) -> float:
+        """The number of the planner: its score among reacting traffic."""
+        return self.score
+
+    @property
+    def columns(self) -> dict[str, float]:
+        """The score by kind of traffic; nan where it has none."""
+        return {NON_REACTIVE: self.non_reactive, REACTIVE: self.score}
 
 
 def planner_rows(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile]) -> list[Row]:
@@ -174,26 +193,40 @@ def _row(
         n_common=sum(len(common[file.sha256]) for file in part),
         common=shared[REACTIVE].score,
         common_non_reactive=shared[NON_REACTIVE].score,
+        score_1=reactive.score_1,
+        score_1_non_reactive=scores[NON_REACTIVE].score_1,
+        hindrance=mean("hindrance", REACTIVE, 1.0),
+        hits=mean("hits", REACTIVE, 100.0),
     )
 
 
 def plain(row: Row) -> dict[str, Any]:
-    """A row for JSON, numbers that are absent as null."""
-    return {
-        name: None if isinstance(value, float) and math.isnan(value) else dict(value) if name == "zeros" else value
-        for name, value in vars(row).items()
-    }
+    """A row for JSON, with `number` and `columns`; numbers that are absent are null."""
+    values = {**vars(row), "number": row.number, "columns": row.columns}
+    return {name: _plain(value) for name, value in values.items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def from_plain(row: Mapping[str, Any], there: Sequence[SetFile]) -> Row:
     """What `plain` made, of a row that comes with a set; `there` are the files of its split.
 
-    Which agents it has in common with other planners is not known: none is stored with it.
+    Which agents it has in common with other planners is not known: none is stored with it. Rows of earlier releases
+    have no `score_1`: what they call their score is that.
     """
     texts = ("planner", "category", "zeros", "version")
     values: dict[str, Any] = {
-        name: math.nan if value is None and name not in texts else value for name, value in row.items()
+        name: math.nan if value is None and name not in texts else value
+        for name, value in row.items()
+        if name not in ("number", "columns")
     }
+    if "score_1" not in row:
+        values |= {"score_1": values["score"], "score_1_non_reactive": values["non_reactive"]}
+        values |= dict.fromkeys(("score", "low", "high", "non_reactive"), math.nan) | {"zeros": {}}
     if row["planner"] == _HUMAN:
         values |= {**dict.fromkeys(_REACTIVE, math.nan), "zeros": {}}
     n_listed = sum(len(file.agents) for file in there if row["category"] in (ALL, file.category))

@@ -11,12 +11,13 @@ from interdrive.batches import batch
 from interdrive.batches.plan import choices
 from interdrive.batches.store import BatchFolder
 from interdrive.benchmarks.reference import reference_rows
-from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, plain, planner_rows, scenario_scores
+from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, from_plain, plain, planner_rows, scenario_scores
 from interdrive.benchmarks.sets import find_files, read_set
 from interdrive.comparison.variants import rows_of
-from interdrive.errors import InputError
+from interdrive.errors import InputError, ResultsError
+from interdrive.panel import DEFAULT, chosen_panel
 from interdrive.results import software
-from interdrive.storage import replacing, write_json
+from interdrive.storage import one_line, read_json, replacing, write_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from interdrive.benchmarks.sets import BenchmarkSet
     from interdrive.config.specs import PlannerSpecs, PredictorSpecs
 
-#: Layout of benchmark.json and of reference rows.
-FORMAT = 1
+#: Layout of benchmark.json and of reference rows; files of format 1 are read, too.
+FORMAT = 2
 
 _MARK = "benchmark.json"
 
@@ -42,6 +43,7 @@ class Benchmark:
         scenarios: 100 times the mean score of the agents of each scenario, by planner, scenario name and traffic.
         reference: Published rows of the set, for the same split.
         missing: Files of the split that were not found, one line each; then the numbers are partial.
+        panel: Drivers of the panel; "" without one.
         command: Command that repeats the benchmark.
         folder: Folder of the results and benchmark.json.
     """
@@ -55,6 +57,7 @@ class Benchmark:
     missing: tuple[str, ...]
     command: str
     folder: Path
+    panel: str = ""
 
     @property
     def score(self) -> float:
@@ -85,6 +88,7 @@ def benchmark(
     scenarios: str | Path | None = None,
     predictor: PredictorSpecs = "neural",
     out: str | Path = "out/benchmark",
+    panel: str | Path = DEFAULT,
     workers: int | None = None,
     ray: str | None = None,
     raw: bool = False,
@@ -101,6 +105,8 @@ def benchmark(
         scenarios: Folder that contains the files of the set; None: `INTERDRIVE_SCENARIOS`.
         predictor: One predictor.
         out: Folder of the results; existing runs in it are not repeated.
+        panel: Against what agents are scored, as for `interdrive.batch`; the folder of a stored panel of the set takes
+            the panel's runs off.
         workers: Processes; all cores by default.
         ray: Address of a Ray cluster.
         raw: Read recordings without repairs. The reference rows of the set, which are of repaired recordings, are then
@@ -122,8 +128,8 @@ def benchmark(
     keys: list[str] = []
     for traffic in (NON_REACTIVE, REACTIVE):
         done = batch(
-            paths, Path(out), planner=planner, predictor=predictor, traffic=traffic, alone=True, workers=workers,
-            ray=ray, on_progress=on_progress, settings={"recording.raw": True} if raw else None,
+            paths, Path(out), planner=planner, predictor=predictor, traffic=traffic, alone=True, panel=panel,
+            workers=workers, ray=ray, on_progress=on_progress, settings={"recording.raw": True} if raw else None,
         )  # fmt: skip
         keys += done.keys
     rows = rows_of(BatchFolder.open(out).table(None, {*keys}))
@@ -137,15 +143,19 @@ def benchmark(
         scenarios={label: scenario_scores(rows, label, there) for label in labels},
         reference=() if raw else tuple(row for row in reference_rows(chosen, split) if row.planner not in labels),
         missing=tuple(missing),
-        command=_command(labels, set, split, scenarios, raw=raw),
+        command=_command(labels, set, split, scenarios, panel, raw=raw),
         folder=Path(out),
+        panel=", ".join(chosen_panel(panel)[0]),
     )
     _save(result, chosen)
     return result
 
 
-def _command(labels: Sequence[str], name: str, split: str, scenarios: str | Path | None, *, raw: bool) -> str:
+def _command(
+    labels: Sequence[str], name: str, split: str, scenarios: str | Path | None, panel: str | Path, *, raw: bool
+) -> str:
     where = [*(["--scenarios", str(scenarios)] if scenarios else []), *(["--raw"] if raw else [])]
+    where += [] if str(panel) == DEFAULT else ["--panel", str(panel)]
     return shlex.join(["interdrive", "benchmark", ",".join(labels), "--set", name, "--split", split, *where])
 
 
@@ -159,9 +169,30 @@ def _save(found: Benchmark, chosen: BenchmarkSet) -> None:
         "partial": found.is_partial,
         "missing": list(found.missing),
         "command": found.command,
+        "panel": found.panel,
         "rows": [plain(row) for row in found.table],
         "scenarios": found.scenarios,
         **software(),
     }
     with replacing(found.folder / _MARK) as partial:
         write_json(content, partial)
+
+
+def read_benchmark(folder: str | Path) -> tuple[Row, ...]:
+    """The rows of the benchmark.json in a `folder`; of an earlier release, with its score as `score_1`.
+
+    Raises:
+        ResultsError: There is none, or it is damaged.
+        InputError: It is of a set that is not known.
+    """
+    path = Path(folder) / _MARK
+    try:
+        content = read_json(path)
+        if content["format"] not in (1, FORMAT):
+            raise ResultsError(
+                f"{path}: format {content['format']} is newer than what this interdrive reads ({FORMAT})"
+            )
+        there = read_set(content["set"]).of_split(content["split"])
+        return tuple(from_plain(row, there) for row in content["rows"])
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise ResultsError(f"{path}: cannot be read: {one_line(cause)}") from cause

@@ -45,6 +45,11 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     help="Behaviour of all other vehicles: replay, replay with adjusted speed, or the planner under test.",
 )
 @click.option("--alone", is_flag=True, default=None, help="Simulate each agent under test in a run of its own.")
+@click.option(
+    "--panel",
+    metavar="none|default|DIR",
+    help="With --alone: score against four drivers in the place of each agent, or against stored drives (none).",
+)
 @click.option("--seeds", metavar="N", help="Number of seeds for the choice of agents (1).")
 @click.option(
     "--style",
@@ -121,6 +126,7 @@ def batch(
                 run_timeout=choices.run_timeout,
                 memory=memory,
                 keep=choices.keep,
+                panel=choices.panel,
                 retry=choices.retry,
                 ray=choices.ray,
                 on_progress=on_progress,

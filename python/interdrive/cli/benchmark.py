@@ -25,6 +25,9 @@ from interdrive.errors import InputError
 @click.option(
     "--out", metavar="DIR", help="Folder of the results (out/benchmark-SET); existing runs in it are not repeated."
 )
+@click.option(
+    "--panel", metavar="default|none|DIR", default="default", help="Against what agents are scored (default)."
+)
 @raw_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def benchmark(
@@ -36,6 +39,7 @@ def benchmark(
     workers: int | None,
     ray: str | None,
     out: str | None,
+    panel: str,
     raw: bool,
     quiet: bool,
 ) -> None:
@@ -63,6 +67,7 @@ def benchmark(
             split=split,
             scenarios=scenarios,
             out=out or f"out/benchmark-{name}",
+            panel=panel,
             workers=workers,
             ray=ray,
             raw=raw,

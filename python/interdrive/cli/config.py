@@ -54,6 +54,7 @@ class BatchChoices:
     run_timeout: float = math.inf
     memory: str | None = None
     keep: str = "none"
+    panel: str = "none"
     retry: bool = False
     ray: str | None = None
 

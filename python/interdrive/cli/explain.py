@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from interdrive.cli.arguments import shown
-from interdrive.errors import InputError
+from interdrive.errors import InputError, InterdriveError
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats
+    from interdrive.runs import Run
 
 
 @click.command()
@@ -52,6 +53,7 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
         rows = sorted(range(len(found)), key=lambda row: found.kind[row])
         drives = [found.witness(row, "cc") for row in rows]
         instead = [("a careful and competent driver", one.time, one.velocity) for one in drives if one is not None]
+        lines += _scored(folder, run, number)
     print_text("\n".join(lines) or "the run has no agents")
     if number is not None and wanted:
         from interdrive.plots import save_figure  # noqa: PLC0415 - matplotlib
@@ -64,6 +66,24 @@ def explain(folder: str, agent: str | None, png: str | None, pdf: str | None) ->
             keep_inputs(path, inputs_of(folder, run))
             save_figure(figure, path)
             print_text(f"figure in {shown(path.resolve())}")
+
+
+def _scored(folder: str, run: Run, number: int) -> list[str]:
+    """The score of an agent and why, as it is stored in the folder, or from the run alone; nothing without a route."""
+    from interdrive.scoring import score, score_table, stored_score  # noqa: PLC0415
+    from interdrive.storage import is_of  # noqa: PLC0415
+
+    try:
+        table = stored_score(folder)
+        if table is None or not is_of(table, run.digest):
+            table = score_table(score(run, [number]))
+    except InterdriveError:
+        return []
+    row = next((row for row in table.to_pylist() if row["agent_id"] == number), None)
+    if row is None or row["score"] is None:
+        return []
+    against = f"against {row['panel']}" if row["panel"] else "absolute"
+    return [f"  score {100.0 * row['score']:.1f}, {against}: {row['why'] or 'full score'}"]
 
 
 def _number(agent: str | None) -> int | None:

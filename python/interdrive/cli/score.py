@@ -32,10 +32,11 @@ if TYPE_CHECKING:
 @click.option(
     "--panel",
     metavar="default|none|DIR",
-    help="Score against a panel: four drivers drive in the place of each agent (none: absolute; DIR: stored).",
+    help="Four drivers drive in the place of each agent (default for one agent); none: nothing drives, the score is "
+    "absolute; DIR: stored drives.",
 )
 @click.option("--no-rerun", is_flag=True, help="With --panel DIR: an agent that the stored panel lacks is an error.")
-@click.option("--trust", is_flag=True, help="With --panel: import planners that run.json names as module:object.")
+@click.option("--trust", is_flag=True, help="For a panel: import planners that run.json names as module:object.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 def score(
     folder: str,
@@ -49,22 +50,16 @@ def score(
     """Score the agents of a run from 0 to 100, with reasons for lost points.
 
     RUN is a run folder; score.parquet is written to it unless you give --agents or --set. For a batch folder BATCH, the
-    command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines the terms.
+    command prints the scores of its planners and counts zeros by reason. The documentation (Scores) defines all parts.
 
-    With --panel, the command scores RUN by another definition (Scores against a panel). That simulates up to six runs
-    per agent, unless DIR has them (interdrive panel), and writes nothing.
+    One agent is scored against a panel, which takes up to six runs; several agents only with --panel, since that takes
+    four runs for each. Otherwise scores are absolute: they compare with each other, not with those against a panel.
     """
-    if panel is not None:
-        _score_against_panel(folder, agents, assignments, panel, no_rerun=no_rerun, trust=trust, as_csv=as_csv)
-        return
-    if trust or no_rerun:
-        option = "--trust" if trust else "--no-rerun"
-        raise InputError(f"{option} belongs to --panel: nothing is repeated without it")
     from interdrive.cli.score_report import print_batch_scores, print_scores  # noqa: PLC0415 - rich
 
     if (Path(folder) / "batch.json").exists():
-        if agents or assignments:
-            raise InputError(f"{folder}: batches are scored as they run; --agents and --set apply to run folders")
+        if agents or assignments or panel or trust or no_rerun:
+            raise InputError(f"{folder}: batches are scored as they run; options apply to run folders")
         from interdrive.batches.store import BatchFolder  # noqa: PLC0415 - pyarrow
         from interdrive.comparison.scores import batch_scores  # noqa: PLC0415 - needs the simulation
         from interdrive.comparison.variants import left_out_humans  # noqa: PLC0415
@@ -72,15 +67,29 @@ def score(
         scores, no_humans = batch_scores(folder), left_out_humans(BatchFolder.open(folder).table())
         print_batch_scores(scores, no_humans=no_humans, as_csv=as_csv)
         return
+    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+    from interdrive.panel import PanelFolder  # noqa: PLC0415 - needs the simulation
+    from interdrive.panel import score as scored  # noqa: PLC0415
     from interdrive.runs import load  # noqa: PLC0415 - pyarrow
     from interdrive.scoring import ScoringSettings, save_score, score_table  # noqa: PLC0415
-    from interdrive.scoring import score as scored  # noqa: PLC0415
 
     given = {name.removeprefix("scoring."): value for name, value in assigned(assignments).items()}
     settings = bind(ScoringSettings(), given)
     ids = None if agents is None else id_list("--agents", agents)
+    if no_rerun and panel in (None, "default", "none"):
+        raise InputError("--no-rerun: give the folder of a stored panel with --panel DIR")
+    stored = panel if panel in (None, "default", "none") else PanelFolder.open(panel, is_complete=no_rerun)
     run = load(folder)
-    found = scored(run, ids, settings)
+    with progress(quiet=as_csv) as report:
+        found = scored(
+            run,
+            ids,
+            settings,
+            panel=stored,
+            trust=trust,
+            threads=None,
+            on_agent=partial(report.counted, "agents scored"),
+        )
     if as_csv:
         table = score_table(found)
         print_csv(table.column_names, zip(*table.to_pydict().values(), strict=True))
@@ -101,48 +110,3 @@ def _say_preventable(run: RunRecord, ids: Sequence[int]) -> None:
     for number, kind, words in zip(found.agent_id.tolist(), found.kind, found.words, strict=True):
         if kind == "collision":
             say(f"agent {number}: {words}")
-
-
-def _score_against_panel(
-    folder: str,
-    agents: str | None,
-    assignments: tuple[str, ...],
-    panel: str,
-    *,
-    no_rerun: bool,
-    trust: bool,
-    as_csv: bool,
-) -> None:
-    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
-    from interdrive.cli.score_report import print_panel_scores  # noqa: PLC0415
-    from interdrive.panel import PANEL, PanelFolder, panel_score, panel_table  # noqa: PLC0415 - needs the simulation
-    from interdrive.runs import load  # noqa: PLC0415 - pyarrow
-    from interdrive.scoring import ScoringSettings  # noqa: PLC0415
-
-    if (Path(folder) / "batch.json").exists():
-        raise InputError(f"{folder}: --panel scores run folders, not batches")
-    given = {name.removeprefix("scoring."): value for name, value in assigned(assignments).items()}
-    settings = bind(ScoringSettings(), given)
-    ids = None if agents is None else id_list("--agents", agents)
-    stored = None if panel in ("default", "none") else PanelFolder.open(panel, is_complete=no_rerun)
-    if no_rerun and stored is None:
-        raise InputError(f"--no-rerun: --panel {panel} is no stored panel; give its folder")
-    drivers = stored.drivers if stored is not None else PANEL if panel == "default" else ()
-    run = load(folder)
-    with progress(quiet=as_csv) as report:
-        report.say("driving in the agents' places")
-        found = panel_score(
-            run,
-            ids,
-            settings,
-            panel=drivers,
-            stored=stored,
-            trust=trust,
-            threads=None,
-            on_agent=partial(report.counted, "agents scored"),
-        )
-    if as_csv:
-        table = panel_table(found)
-        print_csv(table.column_names, zip(*table.to_pydict().values(), strict=True))
-    else:
-        print_panel_scores(found, run.scenario.name)

@@ -6,12 +6,14 @@ import math
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.markup import escape
 
 from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import print_csv
 from interdrive.comparison.scores import ZEROS
 from interdrive.run.reasons import said_count
+from interdrive.scoring.total import GATES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from interdrive.adversaries import Ranking
     from interdrive.benchmarks import Benchmark, BenchmarkSet, Row
     from interdrive.comparison.scores import PlannerScore
-    from interdrive.panel import PanelScore
     from interdrive.scoring import Score
 
 #: Missing files of a benchmark that are listed.
@@ -33,63 +34,48 @@ _REPLAYED = "recorded has no row among reacting traffic: replayed humans do not 
 #: What is said of adversaries.
 _RANKS = {None: "vice never acts", True: "as it should", False: "too high"}
 
-#: Terms in the table, and their headings.
-_TERMS = {
-    "progress": "progress",
+#: Parts of a score in the table, and their headings; scores in other forms beside it.
+_PARTS = {
+    "gates": "gates",
+    "arrival": "arrival",
+    "pace": "pace",
     "ttc_term": "contact",
-    "speed_term": "speed",
+    "hindrance": "hindrance",
     "comfort_term": "comfort",
-    "direction": "direction",
 }
+_BESIDE = {"cls": "CLS", "epdms": "EPDMS"}
+
+#: What is said of scores without a panel, and of those of earlier releases.
+_ABSOLUTE = "absolute, without a panel: not comparable with scores against one"
+_FORMER = "scored by an earlier release: score 1, which does not compare with today's score"
 
 
 def print_scores(found: Score, name: str) -> None:
-    """Prints the scores of a run, each with its terms and why it is not 100."""
+    """Prints the scores of a run, each with its parts and why it is not 100."""
     console = output()
-    numbers = ("agent", "score", *_TERMS.values())
+    numbers = ("agent", "score", *_PARTS.values(), *_BESIDE.values(), "score 1")
     table = table_of((*numbers, "why"), right=numbers)
+    gates = np.prod([found.terms[f"gate_{gate}"] for gate in GATES], axis=0)
     for row, number in enumerate(found.ids.tolist()):
-        value = found.score[row]
-        cells = [_number(found.terms[term][row], 2) for term in _TERMS]
-        words = escape("; ".join(found.reasons[row]))
-        style = "red" if value == 0.0 else None
-        table.add_row(str(number), _number(100.0 * value, 1), *cells, words, style=style)
-    if len(found.ids):
-        print_table(console, table, 1)
-    mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
-    zeros = int((found.score == 0.0).sum())
-    console.print(
-        f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {zeros} at 0, {int(found.fault.sum())} at fault"
-    )
-    for note in found.notes:
-        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
-
-
-def print_panel_scores(found: PanelScore, name: str) -> None:
-    """Prints the scores of a run against a panel, each with its parts and why it is not 100."""
-    console = output()
-    numbers = ("agent", "score", "gates", "arrival", "pace", "contact", "hindrance", "comfort", "CLS", "EPDMS")
-    table = table_of((*numbers, "why"), right=numbers)
-    for row, number in enumerate(found.ids.tolist()):
-        one = found.totals[row]
-        parts = (one.gate, one.arrival, one.pace, one.ttc, one.hindrance, one.comfort)
+        parts = (float(gates[row]) if part == "gates" else float(found.terms[part][row]) for part in _PARTS)
         table.add_row(
             str(number),
-            _number(100.0 * one.score, 1),
+            _number(100.0 * found.score[row], 1),
             *(_number(part, 2) for part in parts),
-            *(_number(100.0 * form, 1) for form in (one.cls, one.epdms)),
+            *(_number(100.0 * found.terms[form][row], 1) for form in _BESIDE),
+            _number(100.0 * found.score_1[row], 1),
             escape("; ".join(found.reasons[row])),
-            style="red" if one.score == 0.0 else None,
+            style="red" if found.score[row] == 0.0 else None,
         )
     if len(found.ids):
         print_table(console, table, 1)
-    mean = f", mean score {100.0 * float(found.score.mean()):.1f}" if len(found.ids) else ""
-    reached = sum(one.in_time for one in found.facts)
-    console.print(f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {reached} in time")
-    if found.panel:
-        console.print(f"panel: {', '.join(found.panel)}")
-    else:
-        console.print("absolute, without a panel: not comparable with scores against one", style="yellow")
+    known = found.score[np.isfinite(found.score)]
+    mean = f", mean score {100.0 * float(known.mean()):.1f}" if len(known) else ""
+    console.print(
+        f"{escape(name)}, {said_count(len(found.ids), 'agent')}{mean}, {int(found.in_time.sum())} in time, "
+        f"{int((known == 0.0).sum())} at 0, {int(found.fault.sum())} at fault"
+    )
+    console.print(f"panel: {', '.join(found.panel)}" if found.panel else _ABSOLUTE)
     for note in found.notes:
         console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
 
@@ -144,7 +130,7 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
     lacking, differ = any(one.n_left_out for one in found), any(one.n_common != one.n_agents for one in found)
     texts = ("planner", *(("traffic", "agents under test") if several else ()))
     numbers = [
-        *("score", "95 %", "strict", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"),
+        *("score", "95 %", "score 1", "reached %", "at fault per 100", "nuPlan", "scenarios", "agents"),
         *("left out", "score of common", "common"),
     ]
     table = table_of((*texts, *numbers, "zeros"), right=numbers)
@@ -155,7 +141,7 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
             *about,
             _number(one.score, 1),
             span,
-            _number(one.strict, 1),
+            "" if one.is_former else _number(one.score_1, 1),
             _number(one.reached, 1),
             _number(one.at_fault, 2),
             _number(one.at_fault_nuplan, 2),
@@ -170,6 +156,11 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
         console.print(_LEFT_OUT + "; common: agents that all planners can drive" * differ)
     if no_humans:
         console.print(_REPLAYED)
+    if any(one.is_former for one in found):
+        console.print(_FORMER, style="yellow")
+    else:
+        panels = sorted({one.panel for one in found})
+        console.print(_ABSOLUTE if panels == [""] else f"panel: {' | '.join(name or 'none' for name in panels)}")
     console.print("scores are means over scenarios of the means of their agents; interdrive compare averages agents")
 
 
@@ -177,7 +168,19 @@ def print_benchmark(found: Benchmark) -> None:
     """Prints the number of each planner with its table, rows of known planners, and what is missing."""
     console = output()
     numbers = [
-        *("R", "95 %", "NR", "reached %", "at fault per 100", "TTC < 2 s %", "jerk", "plan ms", "scen.", "agents"),
+        *(
+            "R",
+            "95 %",
+            "NR",
+            "R, score 1",
+            "reached %",
+            "at fault per 100",
+            "TTC < 2 s %",
+            "jerk",
+            "plan ms",
+            "scen.",
+            "agents",
+        ),
         *("left out", "common", "R of common", "NR of common"),
     ]
     table = table_of(("planner", "category", *numbers, "zeros"), right=numbers, tight=True)
@@ -193,6 +196,7 @@ def print_benchmark(found: Benchmark) -> None:
             _number(row.score, 1),
             span,
             _number(row.non_reactive, 1),
+            _number(row.score_1, 1),
             _number(row.reached, 1),
             _number(row.at_fault, 2),
             _number(row.ttc_critical, 1),
@@ -207,6 +211,7 @@ def print_benchmark(found: Benchmark) -> None:
         )
     print_table(console, table, 2)
     console.print(f"set {found.set}, split {found.split}; R: among reacting traffic, NR: among replayed traffic")
+    console.print(f"panel: {found.panel}" if found.panel else _ABSOLUTE)
     if lacking:
         console.print(_LEFT_OUT + "; common: agents that all planners of this command can drive" * differ)
     if any(row.planner == "recorded" for row in every):

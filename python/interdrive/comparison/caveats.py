@@ -72,6 +72,7 @@ def caveats(
         ),
         *_of_the_choice(rows, sets),
     ]
+    said += _of_panels(rows)
     said += _of_intervals([row for row in differences if row["n_scenarios"]], level)
     for one, here in zip(sets, counted, strict=True):
         said += _of_collisions(one, here, several=len(sets) > 1)
@@ -118,6 +119,17 @@ def _of_the_choice(rows: Mapping[str, Any], sets: Sequence[ComparedSet]) -> list
             "the scenarios that it has, which may not be typical. `--planner` leaves it out."
         )
     return said
+
+
+def _of_panels(rows: Mapping[str, Any]) -> list[str]:
+    """Against what agents were scored."""
+    panels = sorted({str(name) for name in rows["panel"].tolist() if isinstance(name, str)})
+    if panels == [""]:
+        return ["Scores are absolute: no panel drove in the agents' places, so congestion and obedience cost pace."]
+    if len(panels) > 1:
+        told = " and ".join(name or "none" for name in panels)
+        return [f"Scores are against different panels ({told}) and do not compare."]
+    return []
 
 
 def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]:

@@ -85,6 +85,9 @@ ON_LANELETS = 0.1
 #: In the order of tables. Shares and rates are per agent under test.
 METRICS = (
     Metric("score", "score", "score", scale=100.0, better=1),
+    Metric("pace", "pace", "pace", better=1, digits=2),
+    Metric("hindrance", "hindrance", "hindrance", better=1, digits=2),
+    Metric("score_1", "score 1", "score_1", scale=100.0, better=1),
     Metric("at_fault", "at fault per 100", "fault", scale=100.0, digits=2),
     Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
     Metric(

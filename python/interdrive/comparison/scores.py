@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     from interdrive.array_types import Bools, Floats, Ints
 
 #: Why a score is 0, in the order in which it is looked for.
-ZEROS = ("lost", "planner_error", "infeasible", *FAULT_KINDS, "off_road", "direction", "progress")
+ZEROS = (
+    *("lost", "planner_error", "infeasible", *FAULT_KINDS, "off_road"),
+    *("direction", "red_light", "crosswalk", "right_of_way", "speed", "terms"),
+)
+
+#: Gates that can be 0 besides those that outcomes and faults tell.
+_GATES = ("direction", "red_light", "crosswalk", "right_of_way", "speed")
 
 #: Samples of the bootstrap, their seed, and the coverage of intervals.
 SAMPLES, SEED, LEVEL = 2000, 0, 0.95
@@ -38,7 +44,7 @@ class PlannerScore:
         traffic: What the others do. agents: Agents under test.
         score: From 0 to 100: mean of the agents of each scenario, mean of the scenarios. low: End of its interval.
         high: Other end.
-        strict: The same without excuses.
+        score_1: The score of earlier releases.
         n_scenarios: Scenarios. n_agents: Agents, lost ones included.
         at_fault: Collisions at fault per 100 agents. at_fault_nuplan: By nuPlan's verdict.
         reached: Agents that reached their goal in time [%].
@@ -48,6 +54,9 @@ class PlannerScore:
             those of others; they have no row and are no zeros.
         n_common: Agents that all planners can drive.
         common: The score over those; nan without any.
+        panel: Drivers that drove in the agents' places; "" if none did, and several texts with a semicolon if they
+            differ.
+        is_former: An earlier release scored: `score` is score_1.
     """
 
     variant: str
@@ -56,7 +65,7 @@ class PlannerScore:
     score: float
     low: float
     high: float
-    strict: float
+    score_1: float
     n_scenarios: int
     n_agents: int
     at_fault: float
@@ -67,6 +76,8 @@ class PlannerScore:
     n_left_out: int = 0
     n_common: int = 0
     common: float = float("nan")
+    panel: str = ""
+    is_former: bool = False
 
 
 def batch_scores(folder: str | Path) -> list[PlannerScore]:
@@ -82,6 +93,9 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
     if not len(rows["key"]) or not (rows["status"] == "finished").any():
         raise ResultsError(f"{folder}: no run of this batch has finished, there is nothing to score")
     rows["variant"] = variants_of(rows)
+    is_former = bool(np.isnan(rows["score"].astype(np.float64)).all())
+    if is_former:
+        rows["score"] = rows["score_1"]
     settings = sorted(set(zip(rows["traffic"], rows["agents"], strict=True)), key=lambda s: (TRAFFIC.index(s[0]), s[1]))
     found = []
     for traffic, agents in settings:
@@ -99,6 +113,7 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
                     n_left_out=sum(len(expected[key] - own[name][key]) for key in expected),
                     n_common=sum(map(len, common.values())),
                     common=shared.score if shared else float("nan"),
+                    is_former=is_former,
                 )
             )
     return found
@@ -171,7 +186,7 @@ def planner_score(
         groups: What scenarios are drawn together in the bootstrap, by scenario; each alone by default.
     """
     tested = np.flatnonzero(mine & (rows["under_test"] == 1) & ~np.isnan(rows["score"].astype(np.float64)))
-    score, strict = (rows[name][tested].astype(np.float64) for name in ("score", "score_strict"))
+    score, former = (rows[name][tested].astype(np.float64) for name in ("score", "score_1"))
     scenario = rows["scenario_sha256"][tested].astype(str)
     driven: dict[str, set[tuple[int, int]]] = {}
     for row, name in zip(tested.tolist(), scenario.tolist(), strict=True):
@@ -181,12 +196,12 @@ def planner_score(
     n_lost = {
         name: max(len(expected.get(name, set()) - driven.get(name, set())), failures.get(name, 0)) for name in names
     }
-    means, strict_means = [], []
+    means, former_means = [], []
     for name in names:
         here = scenario == name
         n = int(here.sum()) + n_lost[name]
         means.append(float(score[here].sum()) / n)
-        strict_means.append(float(strict[here].sum()) / n)
+        former_means.append(float(former[here].sum()) / n)
     n_agents = len(tested) + sum(n_lost.values())
     low, high = interval(np.array(means), [groups[name] if groups else name for name in names])
     first = next(iter(np.flatnonzero(mine).tolist()), None)
@@ -201,7 +216,7 @@ def planner_score(
         score=100.0 * float(np.mean(means)) if means else float("nan"),
         low=low,
         high=high,
-        strict=100.0 * float(np.mean(strict_means)) if means else float("nan"),
+        score_1=100.0 * float(np.mean(former_means)) if means else float("nan"),
         n_scenarios=len(names),
         n_agents=n_agents,
         at_fault=per_hundred(rows["fault"]),
@@ -209,6 +224,7 @@ def planner_score(
         reached=per_hundred(rows["outcome"] == "goal_reached"),
         zeros=_zeros(rows, tested[score == 0.0], sum(n_lost.values())),
         by_scenario=dict(zip(names, means, strict=True)),
+        panel="; ".join(sorted({name for name in rows["panel"][tested].tolist() if isinstance(name, str)})),
     )
 
 
@@ -245,4 +261,4 @@ def _reason(rows: Mapping[str, Any], row: int) -> str:
         return str(kind)
     if outcome == "collision" and rows["off_road"][row] == 1:
         return "off_road"
-    return "direction" if rows["direction"][row] == 0.0 else "progress"
+    return next((name for name in _GATES if rows[f"gate_{name}"][row] == 0.0), "terms")

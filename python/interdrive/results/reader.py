@@ -82,13 +82,12 @@ def read_run(folder: str | Path) -> RunRecord:
         predictions=None if results.predictions is None else _predictions(results.predictions),
         candidates=None if results.candidates is None else _candidates(results.candidates),
         orders=_rows(Orders, results.orders),
-        hits=_rows(Hits, results.hits),
         cooperation=results.info.get("cooperation"),
     )
 
 
 def with_routes(part: RunRecord, results: Results) -> RunRecord:
-    """`part`, as `read_part` gave it, with settings, routes and violations of `results`: all that scores need."""
+    """`part`, as `read_part` gave it, with what scores need of `results`: settings, routes, violations, hits."""
     owner, x, y = (results.routes[name].to_numpy() for name in ("agent_id", "x", "y"))
     paths = np.stack([x, y], axis=1)
     return replace(
@@ -96,6 +95,7 @@ def with_routes(part: RunRecord, results: Results) -> RunRecord:
         settings=results.info["settings"],
         agents=tuple(replace(agent, reference_path=paths[owner == agent.id]) for agent in part.agents),
         violations=_rows(Violations, results.violations),
+        hits=_rows(Hits, results.hits),
     )
 
 

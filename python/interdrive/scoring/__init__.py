@@ -1,8 +1,8 @@
 """Scores: one number per agent, its terms, whose fault collisions are, and why.
 
-found = interdrive.score(run)
+found = interdrive.score(run)  # against a panel, which lies above; `score` here needs the run alone
 found.score                 # from 0 to 1, shape (agents,)
-found.terms["ttc_term"]     # one of the terms
+found.terms["pace"]         # one of the parts
 found.why(305)              # "at fault: cut off 12 at 3.2 s with 6.8 m left, 6.9 m needed"
 
 Definitions, sources and limits: docs/reference/scoring.md.
@@ -21,13 +21,21 @@ from interdrive.scoring.preventability import (
     preventability,
 )
 from interdrive.scoring.settings import ComfortBounds, PanelWeights, ReactionSettings, ScoreWeights, ScoringSettings
-from interdrive.scoring.tables import SCORE_COLUMNS, save_score, score_columns, score_table, stored_score
+from interdrive.scoring.tables import (
+    FORMER_COLUMNS,
+    SCORE_COLUMNS,
+    save_score,
+    score_columns,
+    score_table,
+    stored_score,
+)
 
 __all__ = [
     "COLLISION_TYPES",
     "DRIVE_COLUMNS",
     "ENTRIES",
     "FAULT_KINDS",
+    "FORMER_COLUMNS",
     "PREVENTABILITY_COLUMNS",
     "SCORE_COLUMNS",
     "UNDEFINED",

@@ -14,8 +14,8 @@ from interdrive.native_settings import CoreStepSettings, RulesSettings
 from interdrive.run.goals import said_seconds
 from interdrive.scenario import KINDS
 from interdrive.scenario.control import SIGNALS, shown_together
-from interdrive.scoring.drives import along, motion_of, rear_axle_to_center, site_of, traffic
-from interdrive.scoring.faults import is_thing, verdicts
+from interdrive.scoring.drives import along, motion_of
+from interdrive.scoring.faults import is_thing
 from interdrive.scoring.free_flow import (
     LATERAL_ACCELERATION,
     SPACING,
@@ -25,6 +25,7 @@ from interdrive.scoring.free_flow import (
     stated_limits,
     time_at,
 )
+from interdrive.scoring.seen import Seen
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.scoring.terms import comfort_term, direction_term, speed_term, ttc_term
 
@@ -138,11 +139,15 @@ class Drive:
 _BAD_END = 3.0
 
 
-def drives_of(run: RunRecord, ids: Sequence[int], settings: ScoringSettings | None = None) -> dict[int, Drive]:
+def drives_of(
+    run: RunRecord, ids: Sequence[int], settings: ScoringSettings | None = None, seen: Seen | None = None
+) -> dict[int, Drive]:
     """What is known of the drives of some agents of a run, by id; agents that never entered are missing.
 
+    Violations that were not recorded lower no gate. `seen` is what was looked up of these agents already.
+
     Raises:
-        InputError: An id is not that of an agent, the run has no routes, or its violations were not recorded.
+        InputError: An id is not that of an agent, or the run has no routes.
     """
     chosen = settings or ScoringSettings()
     records = {agent.id: agent for agent in run.agents}
@@ -152,18 +157,14 @@ def drives_of(run: RunRecord, ids: Sequence[int], settings: ScoringSettings | No
             raise InputError(f"score: {number} is not an agent of this run")
         if number not in records or len(records[number].reference_path) < 2:
             raise InputError(f"score: the run has no route of agent {number}, so nothing says how far it came")
-    if run.violations is None:
-        raise InputError("score: the run has no list of violations, which a score against a panel needs")
     rows = dict(zip(run.states.participant_id.tolist(), range(len(run.states.participant_id)), strict=True))
     wanted = [number for number in ids if run.states.valid[rows[number]].any()]
-    site = site_of(run, run.settings.get("settings") or {})
-    simulated = traffic(site, run)
-    axles = [rear_axle_to_center(float(run.states.length[rows[number]])) for number in wanted]
-    times, partners = simulated.straight_times(wanted, axles, chosen.ttc_horizon, 1)
-    judged = verdicts(run, simulated, wanted, chosen)
+    told = seen or Seen.of(run, wanted, chosen)
     return {
-        number: _Drive(run, site, records[number], rows[number], chosen).facts(time, partner, judged.get(number))
-        for number, time, partner in zip(wanted, times, partners, strict=True)
+        number: _Drive(run, told.site, records[number], rows[number], chosen).facts(
+            *told.times[number], told.verdicts.get(number)
+        )
+        for number in wanted
     }
 
 
@@ -255,7 +256,8 @@ class _Drive:
 
     def _violations(self) -> tuple[list[tuple[str, float, str]], frozenset[int]]:
         broken = self.run.violations
-        assert broken is not None
+        if broken is None:
+            return [], frozenset()
         rows, partners = [], set()
         for k in np.flatnonzero(broken.participant_id == self.record.id).tolist():
             rule, partner = broken.rule[k], int(broken.partner_id[k])

@@ -27,6 +27,7 @@ from interdrive.storage.reading import read_json
 from interdrive.storage.records import Record
 from interdrive.storage.tables import (
     arrow_table,
+    column_names,
     joined_tables,
     labels,
     read_table,
@@ -55,6 +56,7 @@ __all__ = [
     "check_values",
     "claimed",
     "claimed_new",
+    "column_names",
     "inserted",
     "integer",
     "is_of",

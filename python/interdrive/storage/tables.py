@@ -135,6 +135,17 @@ def read_table(path: Path, columns: Sequence[Column], *, added: Sequence[str] = 
     return table
 
 
+def column_names(path: Path) -> tuple[str, ...]:
+    """Names of the columns of a Parquet file; none if it cannot be read."""
+    import pyarrow as pa  # noqa: PLC0415
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    try:
+        return tuple(pq.read_schema(path).names)
+    except (OSError, pa.ArrowException):
+        return ()
+
+
 def write_table(table: pa.Table, path: Path, origin: Origin) -> None:
     """Writes a table as Parquet, or as CSV if the path ends in .csv; its origin and units come with it.
 

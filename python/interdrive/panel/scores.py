@@ -1,8 +1,8 @@
-"""The score of agents against a panel: what its drivers reach in their place, and what others lose by them."""
+"""Scores of agents against a panel: what its drivers reach in their place, and what others lose by the agents."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,131 +11,107 @@ from interdrive.errors import InputError, InterdriveError
 from interdrive.panel.stored import PanelFolder, key_of
 from interdrive.panel.worlds import World
 from interdrive.scoring import ScoringSettings, has_recording
+from interdrive.scoring import score as absolute_score
 from interdrive.scoring.drive_facts import drives_of
+from interdrive.scoring.evaluation import evaluated, scored_agents
 from interdrive.scoring.hindrance import Hindrance, Undisturbed, hindrance_of
-from interdrive.scoring.judgement import PanelDrives, judged
+from interdrive.scoring.judgement import PanelDrives
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from interdrive.array_types import Ints
     from interdrive.runs import Run
+    from interdrive.scoring import Score
     from interdrive.scoring.drive_facts import Drive
-    from interdrive.scoring.total import Facts, Total
 
 #: The drivers of the panel: four that differ in design, each with its default settings.
 PANEL = ("lawful", "idm", "idm_mobil", "rollout")
 
+#: How a panel is named: its drivers, none at all, or a folder.
+DEFAULT, NONE = "default", "none"
+
 _SEVERAL = "several agents are scored: what each of them costs the others is not measured"
 
 
-@dataclass(frozen=True)
-class PanelScore:
-    """Scores of agents against a panel; sequences in the order of `ids`.
-
-    Attributes:
-        ids: Agents, ascending.
-        planners: Names of their planners.
-        facts: What decided. totals: The scores with all their parts.
-        hits: How often others hit them without their fault.
-        hindrances: What others lost.
-        reasons: In words, what made the score less than 1.
-        panel: Drivers of the panel; empty: none, and scores are absolute.
-        notes: One line per thing the user should know.
-    """
-
-    ids: Ints
-    planners: tuple[str, ...]
-    facts: tuple[Facts, ...]
-    totals: tuple[Total, ...]
-    hits: tuple[int, ...]
-    hindrances: tuple[Hindrance, ...]
-    reasons: tuple[tuple[str, ...], ...]
-    panel: tuple[str, ...]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def score(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        """From 0 to 1."""
-        return np.array([one.score for one in self.totals], dtype=np.float64)
-
-    def __repr__(self) -> str:
-        mean = f", mean {100.0 * float(self.score.mean()):.1f}" if len(self.ids) else ""
-        return f"<PanelScore of {len(self.ids)} agents{mean}>"
-
-    def why(self, agent_id: int) -> str:
-        """Why the agent with id `agent_id` has no higher score, in one line.
-
-        Raises:
-            InputError: It was not scored.
-        """
-        rows = np.flatnonzero(self.ids == agent_id)
-        if not len(rows):
-            raise InputError(f"agent {agent_id} was not scored")
-        return "; ".join(self.reasons[int(rows[0])]) or "full score"
-
-
-def panel_score(
+def score(
     run: Run,
     ids: Sequence[int] | None = None,
     settings: ScoringSettings | None = None,
     *,
-    panel: Sequence[str] = PANEL,
-    stored: PanelFolder | None = None,
+    panel: str | Path | PanelFolder | Sequence[str] | None = None,
     trust: bool = False,
     threads: int | None = 1,
     on_agent: Callable[[int, int], None] | None = None,
-) -> PanelScore:
+) -> Score:
     """Scores agents of a run against a panel of drivers that drive in the place of each.
 
-    The reference, page "Scores against a panel", defines all parts. Hindrance is measured if one agent is scored and
-    others react; it is absent otherwise.
+    The reference, page "Scores", defines all parts. Hindrance is measured if one agent is scored and others react; it
+    is absent otherwise.
 
     Args:
         run: A run with its routes, as `simulate` and `load` give it.
         ids: Agents; None: all whose recordings overlap no others.
         settings: Bounds, weights and reactions; the defaults otherwise.
-        panel: Names of native planners; empty: no panel, scores are absolute.
-        stored: Drives of the panel that are there already; its drivers are those of `panel`.
+        panel: "default"; "none": scores are absolute, and nothing is simulated; the folder of a stored panel; or names
+            of native planners. None: "default" if one agent is scored and the run can be repeated, otherwise "none".
         trust: Import planners of other agents that the run names as module:object.
         threads: Number of planning threads; results do not depend on it.
         on_agent: Called after every agent with how many are done, and how many there are.
 
     Raises:
-        InputError: An id is not that of an agent, or the run cannot be repeated.
+        InputError: An id is not that of an agent, the run cannot be repeated, or there is no such panel.
     """
     chosen = settings or ScoringSettings()
-    overlapping = run.scenario.overlapping
-    wanted = sorted(set(run.outcomes.agent_id.tolist() if ids is None else ids) - set(overlapping))
-    own = drives_of(run, wanted, chosen)
+    wanted = scored_agents(run, ids)
+    drivers, stored = chosen_panel(panel, DEFAULT if len(wanted) == 1 else NONE)
+    if not drivers:
+        return absolute_score(run, wanted, chosen)
+    if panel is None:
+        try:
+            World.of(run, wanted[0], trust=trust)
+        except InputError:
+            return absolute_score(run, wanted, chosen)
     if not has_recording(run):
+        if panel is None:
+            return absolute_score(run, wanted, chosen)
         raise InputError("score: the scenario file is gone or has changed, so no driver can take the agents' place")
-    notes = [_SEVERAL] if len(own) > 1 else []
-    found = []
-    for number in list(own):
-        drive, place, driven = own[number], PanelDrives(), run
-        if panel or len(own) == 1 or drive.hit:
-            world = World.of(run, number, trust=trust, threads=threads)
-            place = panel_drives(world, panel, chosen, measures_hindrance=len(own) == 1, stored=stored)
-            if stored is None or not stored.is_complete:
-                drive, driven = _on_after_hits(drive, run, world, chosen)
-        own[number] = drive
-        taken = Hindrance() if place.without is None else hindrance_of(drive, driven, place.without)
-        found.append((*judged(drive, taken, place, chosen), taken))
-        notes += [note for note in place.notes if note not in notes]
+    done = 0
+
+    def place(drive: Drive) -> tuple[Drive, PanelDrives, Hindrance]:
+        nonlocal done
+        world = World.of(run, drive.agent_id, trust=trust, threads=threads)
+        found = panel_drives(world, drivers, chosen, measures_hindrance=len(wanted) == 1, stored=stored)
+        own, driven = drive, run
+        if stored is None or not stored.is_complete:
+            own, driven = _on_after_hits(drive, run, world, chosen)
+        taken = Hindrance() if found.without is None else hindrance_of(own, driven, found.without)
+        done += 1
         if on_agent is not None:
-            on_agent(len(found), len(own))
-    return PanelScore(
-        ids=np.array(list(own), dtype=np.int64),
-        planners=tuple(drive.planner for drive in own.values()),
-        facts=tuple(one[0] for one in found),
-        totals=tuple(one[1] for one in found),
-        hits=tuple(len(drive.hits) + bool(drive.hit) for drive in own.values()),
-        hindrances=tuple(one[3] for one in found),
-        reasons=tuple(one[2] for one in found),
-        panel=tuple(panel),
-        notes=tuple(notes),
-    )
+            on_agent(done, len(wanted))
+        return own, found, taken
+
+    return evaluated(run, wanted, chosen, place, panel=drivers, notes=[_SEVERAL] if len(wanted) > 1 else [])
+
+
+def chosen_panel(
+    panel: str | Path | PanelFolder | Sequence[str] | None, usual: str = DEFAULT
+) -> tuple[tuple[str, ...], PanelFolder | None]:
+    """Names of the drivers of a panel, and where their drives are stored; `usual` is what None means.
+
+    Raises:
+        InputError: A folder that is no stored panel.
+    """
+    given = usual if panel is None else panel
+    if isinstance(given, PanelFolder):
+        return given.drivers, given
+    if given == DEFAULT:
+        return PANEL, None
+    if given == NONE:
+        return (), None
+    if isinstance(given, str | Path):
+        found = PanelFolder.open(given)
+        return found.drivers, found
+    return tuple(given), None
 
 
 def _on_after_hits(drive: Drive, run: Run, world: World, settings: ScoringSettings) -> tuple[Drive, Run]:
