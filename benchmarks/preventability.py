@@ -4,7 +4,7 @@ python benchmarks/preventability.py FOLDER ... [--every 1] [--agents 10] [--plan
 
 FOLDER holds CommonRoad files, at any depth. Prints the table of docs/research/preventability.md, then each collision
 that a careful and competent driver would not have avoided, with its fault. DIR gets conflicts.csv, a row per collision
-and near miss, and the folder of each run in which agents collide (`interdrive report` draws it).
+and near miss, and the folder of each run (`interdrive report` draws it); what is there already is not driven again.
 """
 
 from __future__ import annotations
@@ -22,18 +22,31 @@ from interdrive.scoring import preventability, score
 PLANNERS = "rollout,frenet,idm,idm_mobil,lawful,velocity_adjusting,cc,r157,rss,fsm"
 
 
+def driven(path: Path, planner: str, agents: int, out: Path | None) -> Any:  # noqa: ANN401 - a run, or None
+    """The run of a file, with all its agents where it has fewer; None if nothing in it can be an agent."""
+    folder = None if out is None else out / planner / path.stem
+    if folder is not None and (folder / "run.json").exists():
+        return idr.load(folder)
+    for number in (agents, "all"):
+        try:
+            run = idr.simulate(path, agents=number, planner=planner, predictor="lane_following", threads=1)
+        except idr.InputError:
+            continue
+        if folder is not None:
+            run.save(folder)
+        return run
+    return None
+
+
 def conflicts(path: Path, planner: str, agents: int, out: Path | None) -> tuple[int, list[dict[str, Any]]]:
     """Number of agents of a file, and a row per conflict: what happened, each verdict, and the fault by blame."""
-    try:
-        run = idr.simulate(path, agents=agents, planner=planner, predictor="lane_following", threads=1)
-    except idr.InputError:
+    run = driven(path, planner, agents, out)
+    if run is None:
         return 0, []
     rows = preventability(run).to_arrow().to_pylist()
     collided = [row["agent_id"] for row in rows if row["kind"] == "collision"]
     judged = score(run, collided) if collided else None
     faults = {} if judged is None else dict(zip(judged.ids.tolist(), judged.fault_kind, strict=True))
-    if out is not None and collided:
-        run.save(out / planner / path.stem, overwrite=True)
     for row in rows:
         fault = faults.get(row["agent_id"], "") if row["kind"] == "collision" else ""
         row.update(scenario=path.stem, planner=planner, fault_kind=fault)
@@ -65,7 +78,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for conflicts.csv and runs with collisions")
     options = parser.parse_args()
     files = sorted(path for folder in options.folders for path in folder.rglob("*.xml"))[:: options.every]
-    print(f"{len(files)} files, at most {options.agents} agents each\n")
+    print(f"{len(files)} files, at most {options.agents} agents each; those without any are left out\n")
     print(
         "| planner | agents | collisions | at fault | no verdict | avoided by cc, r157, rss, fsm "
         "| near misses | no verdict | cc |"

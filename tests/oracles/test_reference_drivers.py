@@ -1,6 +1,16 @@
-"""Reference drivers against JRC-FSM 01b05c2, run as a black box, and `ad-rss` 5.0.0: tables of what they answered."""
+"""Reference drivers against JRC-FSM 01b05c2, run as a black box, and `ad-rss` 5.0.0: tables of what they answered.
+
+The three jrc_*.csv are rows of the result tables of that program, with its names of columns. jrc_grids.npz has its
+answers for every row of these tables, that is for `interdrive.alks.grid(manoeuvre, "jrc")` in this order: `cut_in` the
+type of the crash (0 none, 1 from the side, 2 from behind), `cut_out` and `following` whether there is one, and
+`cut_out_leader` whether the leader hits what stands; columns in the order `cc`, `r157` (cut-ins only), `rss`, `fsm`.
+
+To write it anew, run that program on its own grids, and call this file with a folder of its tables under the names
+jrc_cut_in.csv, jrc_cut_out.csv and jrc_car_following.csv, with the columns of those here.
+"""
 
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +92,61 @@ def test_all_followings_end_as_in_the_table(driver):
     assert np.abs(difference - numbers(rows, f"speed_difference_{AHEAD[driver]}")).max() < 1e-6
 
 
+def places(cases, numbers_of):
+    """Row of each case of a grid by its numbers, in the units of the tables."""
+    columns = [np.round(cases[name] * factor, 4).tolist() for name, factor in numbers_of]
+    return {key: row for row, key in enumerate(zip(*columns, strict=True))}
+
+
+ANSWERS = {"False": 0, "True": 1, "0": 0, "1": 1, "2": 2}
+
+#: By array of the file: table, manoeuvre, numbers of the grid and their factors, columns of the table and their signs,
+#: columns of the answers.
+PACKED = {
+    "cut_in": (
+        "jrc_cut_in.csv",
+        "cut_in",
+        (("velocity", 3.6), ("other_velocity", 3.6), ("gap", 1.0), ("sideways", 1.0)),
+        (("ego_kmh", 1), ("other_kmh", 1), ("gap_m", 1), ("lateral_mps", 1)),
+        [f"type_{CUT_IN[name]}" for name in ORDER],
+    ),
+    "cut_out": (
+        "jrc_cut_out.csv",
+        "cut_out",
+        (("velocity", 3.6), ("front_distance", 1.0), ("sideways", 1.0)),
+        (("velocity", 1), ("front_distance", 1), ("lateral_velocities", -1)),
+        [f"Crash_{CUT_IN[name]}" for name in ORDER if name in AHEAD],
+    ),
+    "following": (
+        "jrc_car_following.csv",
+        "following",
+        (("velocity", 3.6), ("deceleration", 1.0 / 9.81)),
+        (("velocity", 1), ("max_deceleration", 1)),
+        [f"Crash_{CUT_IN[name]}" for name in ORDER if name in AHEAD],
+    ),
+}
+PACKED["cut_out_leader"] = (*PACKED["cut_out"][:4], [f"Crash_front_{CUT_IN[name]}" for name in ORDER if name in AHEAD])
+
+
+def packed(name, folder=FOLDER):
+    """Rows of the grid that a table of JRC-FSM has, and its answers there as the file has them."""
+    file, manoeuvre, numbers_of, columns, answers = PACKED[name]
+    place = places(grid(manoeuvre, "jrc").cases, numbers_of)
+    rows, found = [], []
+    with (folder / file).open(newline="") as table_file:
+        for row in csv.DictReader(table_file):
+            rows.append(place[tuple(round(sign * float(row[column]), 4) for column, sign in columns)])
+            found.append([ANSWERS[row[column]] for column in answers])
+    return np.array(rows), np.array(found, dtype=np.uint8)
+
+
+@pytest.mark.parametrize("name", PACKED)
+def test_the_tables_are_rows_of_the_whole_grids(name, whole_grids):
+    rows, answers = packed(name)
+    assert len(set(rows.tolist())) == len(rows) == {"cut_in": 1512, "following": 81}.get(name, 280)
+    assert (whole_grids[name][rows] == answers).all()
+
+
 @pytest.fixture(scope="module")
 def whole_grids():
     """What JRC-FSM answers on its whole grids: 0 no crash; in cut-ins 1 from the side, 2 from behind; else 1."""
@@ -137,3 +202,12 @@ def test_all_safe_distances_are_those_of_ad_rss():
     ]
     assert len(rows) == 62
     assert np.abs(np.array(found) - numbers(rows, "distance_m")).max() < 1e-9
+
+
+if __name__ == "__main__":
+    written = {}
+    for array in PACKED:
+        at, said = packed(array, Path(sys.argv[1]))
+        written[array] = said[np.argsort(at)]
+        assert sorted(at.tolist()) == list(range(len(grid(PACKED[array][1], "jrc")))), array
+    np.savez_compressed(FOLDER / "jrc_grids.npz", **written)
