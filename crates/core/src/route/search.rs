@@ -5,8 +5,8 @@ use std::collections::BinaryHeap;
 
 use super::{LaneMatch, RoadNetwork};
 use crate::error::{Error, Result};
-use crate::geometry::Point;
 use crate::geometry::shape::PlacedShape;
+use crate::geometry::{Aabb, Point};
 use crate::vehicle::ParticipantKind;
 
 /// One metre beside the centre line counts like this length [m].
@@ -15,6 +15,8 @@ const OFFSET_COST: f64 = 5.0;
 const CROSSING_SAMPLING: f64 = 0.25;
 /// A goal area on no lanelet belongs to those this near [m] to its centre.
 const GOAL_TOLERANCE: f64 = 3.0;
+/// A goal area whose bounds are those of a lanelet up to this [m] is that lanelet.
+const SAME_OUTLINE: f64 = 1e-3;
 /// Starts whose direction differs from that of the best one by more than this [rad] count only if nothing else leads to the
 /// goal; the same for offsets [m].
 const START_ANGLE: f64 = 10.0 * std::f64::consts::PI / 180.0;
@@ -45,6 +47,8 @@ pub(super) struct GoalPlace {
     pub(super) exit: f64,
     /// Distance of the area's centre from the centre line [m].
     offset: f64,
+    /// The area is another lanelet, which this one overlaps.
+    is_aside: bool,
 }
 
 /// What the search finds.
@@ -70,11 +74,17 @@ pub(super) fn goal_places(road: &RoadNetwork, areas: &[PlacedShape]) -> Result<V
         }
         let beside = |lanelet: usize| {
             let foot = road.lanelets()[lanelet].center.project(center);
-            GoalPlace { lanelet, entry: foot.s, exit: foot.s, offset: foot.distance }
+            GoalPlace { lanelet, entry: foot.s, exit: foot.s, offset: foot.distance, is_aside: false }
         };
         for lanelet in containing {
             if !places[before..].iter().any(|place| place.lanelet == lanelet) {
                 places.push(beside(lanelet));
+            }
+        }
+        let is_area = |place: &GoalPlace| is_outline(road, place.lanelet, area);
+        if places[before..].iter().any(is_area) {
+            for place in &mut places[before..] {
+                place.is_aside = !is_outline(road, place.lanelet, area);
             }
         }
         if places.len() == before {
@@ -88,6 +98,12 @@ pub(super) fn goal_places(road: &RoadNetwork, areas: &[PlacedShape]) -> Result<V
     Ok(places)
 }
 
+/// Whether the area is that of the lanelet, as goals have it that name lanelets.
+fn is_outline(road: &RoadNetwork, lanelet: usize, area: &PlacedShape) -> bool {
+    let (outline, bounds) = (Aabb::around(road.lanelets()[lanelet].polygon.iter().copied()), area.aabb());
+    outline.min.distance(bounds.min).max(outline.max.distance(bounds.max)) < SAME_OUTLINE
+}
+
 /// The centre line of the lanelet inside the area, from first to last.
 fn crossing(road: &RoadNetwork, lanelet: usize, area: &PlacedShape) -> Option<GoalPlace> {
     let line = &road.lanelets()[lanelet].center;
@@ -96,7 +112,7 @@ fn crossing(road: &RoadNetwork, lanelet: usize, area: &PlacedShape) -> Option<Go
     let mut inside = arc_lengths.filter(|s| area.contains(line.at(*s)));
     let entry = inside.next()?;
     let exit = inside.next_back().unwrap_or(entry);
-    Some(GoalPlace { lanelet, entry, exit, offset: line.project(area.center()).distance })
+    Some(GoalPlace { lanelet, entry, exit, offset: line.project(area.center()).distance, is_aside: false })
 }
 
 /// Lanelets that are no lane for the user first, then lane changes, then length [m].
@@ -227,7 +243,7 @@ pub(super) fn search(
             (cost.lane_changes != usize::MAX && !passed)
                 .then(|| (cost.plus(0, 0.5 * (goal.entry + goal.exit) + OFFSET_COST * goal.offset), node, goal))
         });
-    let best = reached.min_by(|a, b| a.0.order(&b.0).then(a.1.cmp(&b.1)));
+    let best = reached.min_by(|a, b| a.2.is_aside.cmp(&b.2.is_aside).then(a.0.order(&b.0)).then(a.1.cmp(&b.1)));
     let Some((_, node, goal)) = best else {
         let behind = |goal: &GoalPlace| starts.iter().any(|start| start.lanelet == goal.lanelet);
         if let Some(goal) = goals.iter().find(|goal| behind(goal)) {

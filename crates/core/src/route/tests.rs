@@ -64,6 +64,17 @@ fn at_a_fork_the_branch_with_the_goal_is_taken() {
 }
 
 #[test]
+fn a_goal_that_is_a_lanelet_is_reached_on_it_rather_than_on_one_that_overlaps_it() {
+    let road = fork();
+    for branch in [2, 3] {
+        let outline = road.lanelets().iter().find(|lanelet| lanelet.id == branch).expect("a branch").polygon.clone();
+        let area = PlacedShape { shape: Shape::polygon(&outline).expect("a polygon"), pose: Pose::new(0.0, 0.0, 0.0) };
+        let found = route(&road, Pose::new(10.0, 0.0, 0.0), &[area]);
+        assert_eq!(ids(&road, &found), [1, branch]);
+    }
+}
+
+#[test]
 fn two_roads_lead_into_a_merge() {
     let road = merge();
     for (start, first) in [(Pose::new(5.0, 0.0, 0.0), 1), (Pose::new(30.0, -19.0, FRAC_PI_2), 2)] {
