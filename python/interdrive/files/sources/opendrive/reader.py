@@ -37,6 +37,8 @@ _KEPT = {
     "shoulder": dict.fromkeys(("shoulder", "stop"), "shoulder"),
     "bike": {"biking": "bicycleLane"},
 }
+#: A road whose coefficients of elevation are all below this is flat.
+_FLAT = 1e-3
 _DIRECTIONS = {"bidirectional": "both"}
 #: CommonRoad's types of lanes by the type of the road.
 _BY_ROAD = {"motorway": "highway", "rural": "country"}
@@ -71,6 +73,8 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
     connecting = [roads[key.road].junction != "" for key in places]
     add_signals(found, root, roads, places, move, notes)
     _infer_speeds(lanes, links, connecting)
+    if any(abs(number_or(one, name, 0.0)) > _FLAT for one in root.iter("elevation") for name in "abcd"):
+        notes.say("heights are not read: ways above each other cross in the plane")
     if any(root.iter("include")):
         notes.say("files named by <include> are not read")
     found.left_hand = Counter(road.left_hand for road in roads.values()).most_common(1)[0][0]
