@@ -94,6 +94,20 @@ def test_a_choice_is_a_name_and_settings(text, chosen, settings):
     assert read_choice(text, "planner") == Choice(chosen, settings)
 
 
+@pytest.mark.parametrize(
+    ("text", "chosen"),
+    [
+        ("mine.py:Mine", "mine:Mine"),
+        ("./mine.py:Mine,share=2", "mine:Mine"),
+        ("planners/mine.py:Mine", "planners.mine:Mine"),
+        ("mine:Mine", "mine:Mine"),
+        ("idm", "idm"),
+    ],
+)
+def test_a_file_below_the_working_folder_is_its_module(text, chosen):
+    assert read_choice(text, "planner").chosen == chosen
+
+
 def test_a_table_says_the_same_as_a_text():
     table = {"planner": "frenet", "level": 1, "weights": {"prediction": 0.5}, "view": {"sensor_radius": 40.0}}
     assert read_choice(table, "planner") == Choice(

@@ -72,7 +72,15 @@ def _spelled(text: str, what: str) -> Choice:
         settings[name] = value
     if chosen == "":
         raise InputError(f"{what} {text!r}", f"the name is missing; {form}")
-    return Choice(chosen, settings)
+    return Choice(chosen and _importable(chosen), settings)
+
+
+def _importable(name: str) -> str:
+    """`module:object` for an object in a file below the working folder, such as `my/planner.py:Mine`."""
+    file, colon, attribute = name.partition(":")
+    if not colon or not file.endswith(".py") or Path(file).is_absolute():
+        return name
+    return f"{file.removeprefix('./').removesuffix('.py').replace('/', '.')}:{attribute}"
 
 
 def find(name: str, native: tuple[str, ...], what: str) -> Any:  # noqa: ANN401 - whatever the user wrote
