@@ -64,7 +64,7 @@ def test_a_page_has_the_comparison_as_it_is_printed(folder):
     assert differences
     assert not any(one["sure"] or one["verdict"] for one in differences)
     assert not any(cell["strong"] for row in compared["rows"] for cell in row["cells"])
-    assert "Nothing is in bold: over fewer than 20 scenarios (there are 2)" in compared["note"]
+    assert "Nothing is in bold: over fewer than 10 places (there are 2)" in compared["note"]
     assert header["caveats"] == list(found.caveats)
     assert header["variants"] == ["idm", "idm_mobil"]
 

@@ -89,3 +89,26 @@ def test_bad_input_is_one_line(arguments, said):
     result = CliRunner().invoke(main, ["benchmark", *arguments])
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert said in result.stderr
+
+
+def test_a_planner_of_your_own_that_crawls_ranks_below_one_that_drives(tmp_path, monkeypatch):
+    """It drives as `lawful` does, at a third of the speed, and waits for nobody."""
+    (tmp_path / "mine.py").write_text(
+        "from interdrive.adversaries.drivers import Driver\n\n\n"
+        "class Steady(Driver):\n    pass\n\n\n"
+        "class Crawl(Driver):\n    obeys_rules = False\n    speed_factor = 0.33\n",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    whole = read_set("shipped-2")
+    junction = next(file for file in whole.files if file.name == "t_junction")
+    monkeypatch.setattr(run, "read_set", lambda _: replace(whole, files=(replace(junction, agents=(1002, 1006)),)))
+    found = idr.benchmark(
+        "mine.py:Crawl,mine.py:Steady,lawful", predictor="constant_velocity", out=tmp_path / "out", workers=1
+    )
+    crawl, steady, lawful = (row.score for row in found.table if row.category == "all")
+    assert crawl < 60.0 < min(steady, lawful)
+    paper = (tmp_path / "out" / "paper.md").read_text(encoding="utf-8").splitlines()
+    assert paper[-1].startswith("Set shipped-2 (SHA-256 ") and "interdrive benchmark mine" in paper[-1]
+    assert (tmp_path / "out" / "paper.tex").read_text(encoding="utf-8").startswith("\\begin{table}")

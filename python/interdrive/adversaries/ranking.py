@@ -15,7 +15,7 @@ import numpy as np
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST
 from interdrive.adversaries.trial import PREDICTOR, TRAFFIC, Drive, Place, trial
 from interdrive.benchmarks.sets import find_files, read_set
-from interdrive.comparison.scores import interval
+from interdrive.comparison.intervals import PLACES_MIN, mean_interval, mean_of_files
 from interdrive.errors import InputError
 from interdrive.panel import PANEL, PanelFolder
 from interdrive.results import software
@@ -33,8 +33,8 @@ HONEST_DRIVERS = (*PANEL, HONEST)
 #: The adversary that solves no task but a trivial one.
 _STANDING = "Stand"
 
-#: An interval must exclude 0 if the vice acts in so many drives, and there are so many places.
-_DRIVES_MIN, _PLACES_MIN = 10, 5
+#: An interval must exclude 0 if the vice acts in so many drives, and there are enough places for an interval.
+_DRIVES_MIN = 10
 
 _MARK = "adversaries.json"
 
@@ -186,7 +186,8 @@ def ranked(rows: Sequence[Drive], missing: Sequence[str]) -> Ranking:
         )
     roads = {file: by_driver[HONEST][file, number].road for file, number in keys}
     scores = {name: np.array([found[key].score for key in keys]) for name, found in by_driver.items()}
-    honest = {name: 100.0 * _mean_of_files(keys, scores[name])[0] for name in HONEST_DRIVERS}
+    files = [file for file, _ in keys]
+    honest = {name: 100.0 * mean_of_files(scores[name], files)[0] for name in HONEST_DRIVERS}
     verdicts = []
     for adversary in ADVERSARIES:
         acts = np.array([by_driver[adversary.name][key].acts for key in keys])
@@ -203,13 +204,6 @@ def ranked(rows: Sequence[Drive], missing: Sequence[str]) -> Ranking:
     )
 
 
-def _mean_of_files(keys: Sequence[tuple[str, int]], values: Floats) -> tuple[float, Floats, list[str]]:
-    """Mean of the files of the means of their agents; the latter, and the files."""
-    files = sorted({file for file, _ in keys})
-    means = np.array([values[[k for k, (file, _) in enumerate(keys) if file == name]].mean() for name in files])
-    return float(means.mean()), means, files
-
-
 def _verdict(
     adversary: Adversary,
     keys: Sequence[tuple[str, int]],
@@ -219,10 +213,11 @@ def _verdict(
     roads: Mapping[str, str],
 ) -> Verdict:
     own = scores[adversary.name]
-    score = 100.0 * _mean_of_files(keys, own)[0]
-    difference, means, files = _mean_of_files(keys, own - scores[adversary.base])
+    driven = [file for file, _ in keys]
+    score = 100.0 * mean_of_files(own, driven)[0]
+    difference, means, files = mean_of_files(own - scores[adversary.base], driven)
     places = [roads[file] for file in files]
-    low, high = interval(means, places)
+    low, high = mean_interval(100.0 * means, places)
     n_vice = int(acts.sum())
     on_vice = 100.0 * float(own[acts].mean()) if n_vice else math.nan
     least = min(100.0 * float(scores[name][acts].mean()) for name in honest) if n_vice else math.nan
@@ -232,7 +227,7 @@ def _verdict(
     elif not n_vice:
         holds = None
     else:
-        is_clear = high < 0.0 or n_vice < _DRIVES_MIN or len({*places}) < _PLACES_MIN
+        is_clear = high < 0.0 or n_vice < _DRIVES_MIN or len({*places}) < PLACES_MIN
         holds = difference < 0.0 and is_clear and on_vice < least
         holds = holds and (not adversary.is_crude or score < min(honest.values()))
     return Verdict(

@@ -6,7 +6,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from interdrive.comparison import METRICS
-from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.intervals import PLACES_SURE
 from interdrive.comparison.metrics import SHARES
 from interdrive.comparison.tables import meaning_of_bold, metrics_shown, shown
 from interdrive.comparison.variants import ALL
@@ -32,7 +33,7 @@ def compared_of(comparison: Comparison | None) -> Iterator[Compared]:
             which = {"traffic": one.traffic, "agents": one.agents, "category": category}
             rows = [row for row in mine if row["category"] == category]
             found = [row for row in differences if which.items() <= row.items() and _is_known(row)]
-            enough = any(row["n_scenarios"] >= SCENARIOS_MIN for row in found)
+            enough = any(row["n_places"] >= PLACES_SURE for row in found)
             metrics = metrics_shown(rows)
             yield {
                 "traffic": one.traffic,
@@ -42,8 +43,8 @@ def compared_of(comparison: Comparison | None) -> Iterator[Compared]:
                 "size": one.size if category == ALL else "",
                 "headings": [metric.heading for metric in metrics],
                 "rows": [_row(row, rows, metrics, enough=enough) for row in rows],
-                "pairs": _pairs(found),
-                "note": _note(found, comparison.level),
+                "pairs": _pairs(found, comparison.level),
+                "note": _note(found, comparison.level, comparison.group),
             }
 
 
@@ -71,7 +72,7 @@ def _cell(metric: Metric, row: dict[str, Any], rows: Rows, *, enough: bool) -> C
     return {"text": shown(metric, row[metric.name]), "strong": strong}
 
 
-def _pairs(rows: Rows) -> list[Pair]:
+def _pairs(rows: Rows, level: float) -> list[Pair]:
     metrics = {metric.name: metric for metric in METRICS}
     ends = {name: [0.0] for name in metrics}
     for row in rows:
@@ -81,12 +82,12 @@ def _pairs(rows: Rows) -> list[Pair]:
     for row in rows:
         if extents[row["metric"]]:
             name = f"{row['variant']} − {row['other']}"
-            found.setdefault(name, []).append(_difference(metrics[row["metric"]], row, extents[row["metric"]]))
+            found.setdefault(name, []).append(_difference(metrics[row["metric"]], row, extents[row["metric"]], level))
     return [{"name": name, "differences": differences} for name, differences in found.items()]
 
 
-def _difference(metric: Metric, row: dict[str, Any], extent: float) -> Difference:
-    sure, low, high = is_sure(row), row["low"], row["high"]
+def _difference(metric: Metric, row: dict[str, Any], extent: float, level: float) -> Difference:
+    sure, low, high = is_sure(row, level), row["low"], row["high"]
     verdict = "better" if metric.better * row["difference"] > 0 else "worse"
     finite = low is not None and math.isfinite(low) and math.isfinite(high)
     return {
@@ -102,7 +103,7 @@ def _difference(metric: Metric, row: dict[str, Any], extent: float) -> Differenc
     }
 
 
-def _note(rows: Rows, level: float) -> str:
+def _note(rows: Rows, level: float, group: str) -> str:
     known = {row["metric"] for row in rows}
-    bold = meaning_of_bold(rows, [metric for metric in METRICS if metric.name in known]) if rows else ""
-    return f"Over the same agents; intervals of {100 * level:g} % over scenarios. {bold}"
+    bold = meaning_of_bold(rows, [metric for metric in METRICS if metric.name in known], group) if rows else ""
+    return f"Over the same agents; intervals of {100 * level:g} % over {group}s. {bold}"

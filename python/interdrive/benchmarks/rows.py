@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive import _core
+from interdrive.comparison.paper import paper_table
 from interdrive.comparison.scores import among, own_agents, planner_score
 from interdrive.comparison.variants import ALL
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from interdrive.benchmarks.sets import SetFile
+    from interdrive.comparison.paper import PaperTable
     from interdrive.comparison.scores import PlannerScore
 
     _Agents = Mapping[str, set[tuple[int, int]]]
@@ -103,6 +105,24 @@ def planner_rows(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence
             part = [file for file in there if category in (ALL, file.category)]
             found.append(_row(rows, label, category, part, own[label], common))
     return found
+
+
+def paper(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile], about: str) -> PaperTable:
+    """The table for a paper: planners among reacting traffic, over the agents that all of them can drive."""
+    labels = [label for label in labels if label != _HUMAN]
+    own = {label: _own(rows, label, there) for label in labels}
+    common = {file.sha256: set.intersection(*(agents[file.sha256] for agents in own.values())) for file in there}
+    scores = [_scores(rows, label, there, common, only=True)[REACTIVE] for label in labels]
+    every = [_row(rows, label, ALL, there, own[label], common) for label in labels]
+    further = {
+        "NR": {row.planner: row.common_non_reactive for row in every},
+        "hindrance": {row.planner: 100.0 * row.hindrance for row in every},
+        "hits per 100": {row.planner: row.hits for row in every},
+        "TTC < 2 s %": {row.planner: row.ttc_critical for row in every},
+        "jerk": {row.planner: row.jerk for row in every},
+        "plan ms": {row.planner: row.plan_ms for row in every},
+    }
+    return paper_table(scores, {file.sha256: file.place for file in there}, about, further)
 
 
 def scenario_scores(rows: Mapping[str, Any], label: str, there: Sequence[SetFile]) -> dict[str, dict[str, float]]:

@@ -11,7 +11,7 @@ from interdrive.batches import batch
 from interdrive.batches.plan import choices
 from interdrive.batches.store import BatchFolder
 from interdrive.benchmarks.reference import reference_rows
-from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, from_plain, plain, planner_rows, scenario_scores
+from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, from_plain, paper, plain, planner_rows, scenario_scores
 from interdrive.benchmarks.sets import find_files, read_set
 from interdrive.comparison.variants import rows_of
 from interdrive.errors import InputError, ResultsError
@@ -148,6 +148,12 @@ def benchmark(
         panel=", ".join(chosen_panel(panel)[0]),
     )
     _save(result, chosen)
+    if driven := [label for label in labels if label != "recorded"]:
+        about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}"
+        table = paper(rows, driven, there, about)
+        for ending, text in (("md", table.markdown()), ("tex", table.latex())):
+            with replacing(result.folder / f"paper.{ending}") as partial:
+                partial.write_text(text, encoding="utf-8")
     return result
 
 

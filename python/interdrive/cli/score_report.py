@@ -161,7 +161,7 @@ def print_batch_scores(found: Sequence[PlannerScore], *, no_humans: bool, as_csv
     else:
         panels = sorted({one.panel for one in found})
         console.print(_ABSOLUTE if panels == [""] else f"panel: {' | '.join(name or 'none' for name in panels)}")
-    console.print("scores are means over scenarios of the means of their agents; interdrive compare averages agents")
+    console.print("scores are means over files of the means of their agents, intervals over places (5 at least)")
 
 
 def print_benchmark(found: Benchmark) -> None:

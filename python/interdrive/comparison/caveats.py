@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.comparison.intervals import LEVEL, PLACES_MIN, PLACES_SURE
 from interdrive.comparison.metrics import METRICS
+from interdrive.comparison.places import largest_share, place_of
 from interdrive.comparison.variants import ALL, NOT_JUDGED, REPLAYED
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from interdrive.comparison.variants import ComparedSet
-
-#: Fewer scenarios than this make intervals that are much too narrow: nothing is claimed about such differences.
-SCENARIOS_MIN = 20
 
 _DIGITS = {metric.name: metric.digits for metric in METRICS}
 
@@ -23,22 +24,23 @@ _DIGITS = {metric.name: metric.digits for metric in METRICS}
 _EVENTS_MIN = 10
 
 
-def is_sure(row: Mapping[str, Any]) -> bool:
-    """A difference may be called one: its interval is of enough scenarios, has a width, and does not contain zero.
+def is_sure(row: Mapping[str, Any], level: float = LEVEL) -> bool:
+    """A difference may be called one: it is of enough places, and its interval has a width and does not contain zero.
 
-    Ends that tables print as zero are zero.
+    Adjusted for all pairs of planners, it must be no chance either. Ends that tables print as zero are zero.
 
     Args:
         row: Of the differences, with `interdrive.comparison.compare.DIFFERENCE_COLUMNS`.
+        level: Coverage of the intervals.
     """
-    if not _is_enough(row) or not _has_width(row):
+    if not _is_enough(row) or not _has_width(row) or row["p"] is None or row["p"] >= 1.0 - level:
         return False
     low, high = (round(row[name], _DIGITS[row["metric"]]) for name in ("low", "high"))
     return bool(low > 0 or high < 0)
 
 
 def _is_enough(row: Mapping[str, Any]) -> bool:
-    return bool(row["n_scenarios"] >= SCENARIOS_MIN)
+    return bool(row["n_places"] >= PLACES_SURE)
 
 
 def _has_width(row: Mapping[str, Any]) -> bool:
@@ -52,6 +54,7 @@ def caveats(
     differences: Sequence[Mapping[str, Any]],
     level: float,
     *,
+    group: str = "place",
     no_humans: bool = False,
 ) -> tuple[str, ...]:
     """One line each.
@@ -62,6 +65,7 @@ def caveats(
         counted: Per set its rows, with `counts`.
         differences: Rows of the differences.
         level: Coverage of the intervals.
+        group: What intervals draw together.
         no_humans: Rows of the planner `recorded` among reacting traffic were left out.
     """
     n_scenarios = len(set(rows["scenario_sha256"][rows["status"] == "finished"]))
@@ -73,7 +77,8 @@ def caveats(
         *_of_the_choice(rows, sets),
     ]
     said += _of_panels(rows)
-    said += _of_intervals([row for row in differences if row["n_scenarios"]], level)
+    said += _of_groups(counted, group)
+    said += _of_intervals([row for row in differences if row["n_scenarios"]], level, group)
     for one, here in zip(sets, counted, strict=True):
         said += _of_collisions(one, here, several=len(sets) > 1)
     if no_humans:
@@ -132,13 +137,35 @@ def _of_panels(rows: Mapping[str, Any]) -> list[str]:
     return []
 
 
-def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]:
+def _of_groups(counted: Sequence[Mapping[str, Any]], group: str) -> list[str]:
+    """What intervals draw together, and whether one of it decides."""
+    found = np.concatenate([here["group"][here["counts"]] for here in counted])
+    names = np.concatenate([here["scenario"][here["counts"]] for here in counted])
+    roads = Counter(place for name in {*names.tolist()} if (place := place_of(str(name))))
+    several = [place for place, count in roads.items() if count > 1]
+    said = []
+    if group != "place" and several:
+        said.append(
+            f"Of {len(several)} places there are several files, so intervals over {group}s are too narrow; "
+            "`--group place` draws these files together."
+        )
+    name, share = largest_share(found)
+    if share > 0.5 and len({*found.tolist()}) > 1:
+        # A file whose name tells no place is known by its hash.
+        which = names[found == name][0] if group != "agent" else name
+        said.append(
+            f"{100 * share:.0f} % of the compared agents are of one {group} ({which}), which decides the means."
+        )
+    return said
+
+
+def _of_intervals(known: Sequence[Mapping[str, Any]], level: float, group: str) -> list[str]:
     """What intervals mean, of which differences they mean nothing, and how many are wrong by chance."""
     if not known:
         return []
     said = [
         (
-            f"Intervals ({100 * level:g} %) show how much a difference depends on the drawn scenarios, not how it "
+            f"Intervals ({100 * level:g} %) show how much a difference depends on the drawn {group}s, not how it "
             "depends on settings, predictor, vehicle model or goals derived from recordings."
         )
     ]
@@ -147,19 +174,24 @@ def _of_intervals(known: Sequence[Mapping[str, Any]], level: float) -> list[str]
         few = len(known) - len(enough)
         which = f"{few} of {len(known)} differences are" if enough else "All differences are"
         said.append(
-            f"{which} over fewer than {SCENARIOS_MIN} scenarios: their intervals are much too narrow or have no width, "
-            "and none of these differences is called certain."
+            f"{which} over fewer than {PLACES_SURE} {group}s: their intervals are rough, with fewer than {PLACES_MIN} "
+            "there is none, and none of these differences is called certain."
         )
     tested = [row for row in enough if _has_width(row)]
     if tested:
         n, whole = len(tested), sum(row["category"] == ALL for row in tested)
         wrong = f"{(1 - level) * n:.{0 if n >= 10 else 1}f}"
         said.append(
-            f"{n} differences have an interval over {SCENARIOS_MIN} or more scenarios ({whole} over all categories, "
+            f"{n} differences have an interval over {PLACES_SURE} or more {group}s ({whole} over all categories, "
             f"{n - whole} within categories): if all were truly zero, about {wrong} intervals or more would still "
-            "exclude zero by chance."
+            f"exclude zero by chance. Bold also asks for p < {1 - level:.2g} after Holm's adjustment for the "
+            f"{said_count(len(_pairs(tested)), 'pair')} of planners; metrics are not adjusted for each other."
         )
     return said
+
+
+def _pairs(rows: Sequence[Mapping[str, Any]]) -> set[tuple[str, str]]:
+    return {(row["variant"], row["other"]) for row in rows}
 
 
 def _of_collisions(one: ComparedSet, here: Mapping[str, Any], *, several: bool) -> list[str]:

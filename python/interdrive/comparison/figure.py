@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.intervals import PLACES_SURE
 from interdrive.comparison.metrics import METRICS, SHARES
 from interdrive.comparison.variants import ALL
 from interdrive.plots.style import AGENTS, FONT, MM, OUTCOME_MARKS, PAGE, RECORDED, add_legend, empty_figure
@@ -50,7 +51,7 @@ def draw_comparison(comparison: Comparison) -> Figure:
     """A figure, 180 mm wide: shares of outcomes per planner, below them differences with their intervals.
 
     Only what holds for all categories together is drawn. A filled dot says that the interval does not contain zero;
-    over fewer than `SCENARIOS_MIN` scenarios no dot is filled.
+    over fewer than `PLACES_SURE` places no dot is filled.
     """
     rows = {_key(row): row for row in comparison.table.to_pylist() if row["category"] == ALL}
     differences = {
@@ -73,7 +74,8 @@ def draw_comparison(comparison: Comparison) -> Figure:
         for k, (name, label) in enumerate(_DRAWN):
             place = (left + k * (width + gap), _FOOT / height, width, heights[1] / height)
             panel = figure.add_axes(place)
-            _draw_differences(panel, lower, {key[:4]: row for key, row in differences.items() if key[4] == name})
+            drawn = {key[:4]: row for key, row in differences.items() if key[4] == name}
+            _draw_differences(panel, lower, drawn, comparison.level)
             _name_lines(figure, panel, lower, is_first=k == 0)
             metric = next(metric for metric in METRICS if metric.name == name)
             _set_range(panel, [row for key, row in differences.items() if key[4] == name], metric.digits, width * PAGE)
@@ -93,7 +95,8 @@ def _lines(comparison: Comparison, keys: Iterable[tuple[str, ...]]) -> list[_Lin
         inside = [key for key in known if key[:2] == (one.traffic, one.agents)]
         if inside:
             scenarios = f"{one.n_scenarios} scenario{'s' * (one.n_scenarios != 1)}"
-            few = f" ({scenarios}: too few for claims)" if one.n_scenarios < SCENARIOS_MIN else ""
+            drawn = f"{one.n_places} {comparison.group}{'s' * (one.n_places != 1)}"
+            few = f" ({drawn}: too few for claims)" if one.n_places < PLACES_SURE else ""
             title = one.title + (f" ({one.n_agents} agents, {scenarios})" if len(inside[0]) == 3 else few)
             lines.append(_Line(title))
             lines += [_Line(" − ".join(key[2:]), key) for key in inside]
@@ -152,7 +155,9 @@ def _draw_shares(
     add_legend(figure, bars, "upper center", ncols=len(bars), **narrow)
 
 
-def _draw_differences(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]]) -> None:
+def _draw_differences(
+    panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[str, ...], Mapping[str, Any]], level: float
+) -> None:
     panel.axvline(0.0, color=RECORDED, linewidth=0.7, zorder=0)
     for place, line in zip(_places(lines), lines, strict=True):
         row = rows.get(line.key)
@@ -160,7 +165,7 @@ def _draw_differences(panel: Axes, lines: Sequence[_Line], rows: Mapping[tuple[s
             continue
         if row["low"] is not None:
             panel.plot([row["low"], row["high"]], [place, place], color=_BLUE, linewidth=1.2, solid_capstyle="butt")
-        face = _BLUE if is_sure(row) else "white"
+        face = _BLUE if is_sure(row, level) else "white"
         panel.plot(row["difference"], place, "o", markersize=3.4, color=_BLUE, markerfacecolor=face)
 
 

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 #: Files of a comparison on disk; the first one marks its folder.
 _MARK = "caveats.txt"
 _FILES = (
-    *(_MARK, "comparison.md", "comparison.pdf", "comparison.png"),
+    *(_MARK, "comparison.md", "comparison.pdf", "comparison.png", "paper.md", "paper.tex"),
     *(f"{name}.{ending}" for name in ("table", "differences") for ending in ("parquet", "csv")),
 )
 _FOLDER = FolderKind("comparison", _MARK, lambda entry: entry.name in _FILES)
 
 
 def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes table and differences (Parquet, CSV, together as Markdown), caveats, figure (PDF, PNG).
+    """Writes table and differences (Parquet, CSV, together as Markdown), caveats, figure (PDF, PNG), paper (LaTeX).
 
     Args:
         found: What to write.
@@ -45,6 +45,11 @@ def save_comparison(found: Comparison, folder: str | Path, *, overwrite: bool = 
         (partial / _MARK).write_text("".join(f"{line}\n" for line in found.caveats), encoding="utf-8")
         told = "".join(f"\n{line}\n" for line in found.origin.lines)
         (partial / "comparison.md").write_text(markdown(found) + told, encoding="utf-8")
+        for ending, texts in (
+            ("md", [one.markdown() for one in found.paper]),
+            ("tex", [one.latex() for one in found.paper]),
+        ):
+            (partial / f"paper.{ending}").write_text("\n".join(texts), encoding="utf-8")
         figure = draw_comparison(found)
         for ending in ("pdf", "png"):
             save_figure(figure, partial / f"comparison.{ending}")

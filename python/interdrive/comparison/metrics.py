@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.comparison.intervals import mean_of_files
 from interdrive.criticality import Measure, measure_named
 from interdrive.run import VIOLATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -32,6 +33,7 @@ class Metric:
         scale: Values are multiplied by this.
         absent: Value of agents without one; nan: they do not count.
         median: Agents are put together by their median, otherwise by their mean.
+        by_file: The mean is over files of the means of their agents, as `interdrive score` and `benchmark` have it.
         better: +1: more is better, -1: less is better, 0: neither by itself.
         rule: Whether it counts violations of one rule of the road.
         digits: Behind the point.
@@ -46,6 +48,7 @@ class Metric:
     scale: float = 1.0
     absent: float = float("nan")
     median: bool = False
+    by_file: bool = False
     better: int = -1
     rule: bool = False
     digits: int = 1
@@ -84,10 +87,10 @@ ON_LANELETS = 0.1
 
 #: In the order of tables. Shares and rates are per agent under test.
 METRICS = (
-    Metric("score", "score", "score", scale=100.0, better=1),
+    Metric("score", "score", "score", scale=100.0, by_file=True, better=1),
     Metric("pace", "pace", "pace", better=1, digits=2),
     Metric("hindrance", "hindrance", "hindrance", better=1, digits=2),
-    Metric("score_1", "score 1", "score_1", scale=100.0, better=1),
+    Metric("score_1", "score 1", "score_1", scale=100.0, by_file=True, better=1),
     Metric("at_fault", "at fault per 100", "fault", scale=100.0, digits=2),
     Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
     Metric(
@@ -120,8 +123,10 @@ METRICS = (
 SHARES = tuple(metric for metric in METRICS if metric.outcome and metric.off_lanelets_max == float("inf"))
 
 
-def together(metric: Metric, values: Floats) -> float:
-    """The metric of several agents; nan without any."""
+def together(metric: Metric, values: Floats, files: Sequence[str]) -> float:
+    """The metric of several agents, with the file of each; nan without any."""
+    if metric.by_file:
+        return mean_of_files(values, files)[0]
     known = values[~np.isnan(values)]
     if not len(known):
         return float("nan")

@@ -10,6 +10,7 @@ from interdrive.storage import Column, Origin
 from interdrive.storage.html import html_table
 
 if TYPE_CHECKING:
+    from interdrive.comparison.paper import PaperTable
     from interdrive.comparison.variants import ComparedSet
     from interdrive.storage import ArrowTable
 
@@ -30,6 +31,8 @@ TABLE_COLUMNS = (
     *(Column(metric.name, "number", metric.title, metric.unit, null="no agent has a value") for metric in METRICS),
 )
 
+_TOO_FEW = "fewer than 5 places have a value"
+
 #: One row per traffic, agents, category, pair of variants and metric.
 DIFFERENCE_COLUMNS = (
     *_WHICH,
@@ -43,10 +46,12 @@ DIFFERENCE_COLUMNS = (
         "of the metric",
         null="no agent has a value",
     ),
-    Column("low", "number", "lower end of the interval", "of the metric", null="no agent has a value"),
-    Column("high", "number", "upper end of the interval", "of the metric", null="no agent has a value"),
+    Column("low", "number", "lower end of the interval", "of the metric", null=_TOO_FEW),
+    Column("high", "number", "upper end of the interval", "of the metric", null=_TOO_FEW),
+    Column("p", "number", "two-sided, that it is zero, adjusted for all pairs after Holm", "1", null=_TOO_FEW),
     Column("n_agents", "integer", "agents with a value of both"),
     Column("n_scenarios", "integer", "scenarios of these agents"),
+    Column("n_places", "integer", "what intervals draw: places, files or agents"),
 )
 
 
@@ -59,6 +64,8 @@ class Comparison:
         differences: The columns are `DIFFERENCE_COLUMNS`.
         sets: What is compared, and over which agents; rows of both tables belong to one by traffic and agents.
         samples: Bootstrap samples. level: Coverage of the intervals. seed: Of the samples.
+        group: What is drawn together: place, file or agent.
+        paper: A table for a paper of each set, in their order.
         caveats: What the numbers do not prove, one line each.
         own: As `table`, over all agents that each variant drove, in all categories together; none is left out.
         origin: How it came about.
@@ -72,6 +79,8 @@ class Comparison:
     seed: int
     caveats: tuple[str, ...]
     own: ArrowTable
+    group: str = "place"
+    paper: tuple[PaperTable, ...] = ()
     origin: Origin = field(default_factory=Origin)
 
     def __repr__(self) -> str:

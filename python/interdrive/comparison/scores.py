@@ -10,17 +10,19 @@ import numpy as np
 
 from interdrive.batches.plan import ALONE, TRAFFIC
 from interdrive.batches.store import BatchFolder
+from interdrive.comparison.intervals import mean_interval, mean_of_files
+from interdrive.comparison.places import place_of
 from interdrive.comparison.variants import rows_of, variants_of
 from interdrive.errors import ResultsError
 from interdrive.scoring import FAULT_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from interdrive.array_types import Bools, Floats, Ints
+    from interdrive.array_types import Bools, Ints
 
 #: Why a score is 0, in the order in which it is looked for.
 ZEROS = (
@@ -31,9 +33,6 @@ ZEROS = (
 #: Gates that can be 0 besides those that outcomes and faults tell.
 _GATES = ("direction", "red_light", "crosswalk", "right_of_way", "speed")
 
-#: Samples of the bootstrap, their seed, and the coverage of intervals.
-SAMPLES, SEED, LEVEL = 2000, 0, 0.95
-
 
 @dataclass(frozen=True)
 class PlannerScore:
@@ -42,8 +41,8 @@ class PlannerScore:
     Attributes:
         variant: The planner, with whatever else distinguishes it.
         traffic: What the others do. agents: Agents under test.
-        score: From 0 to 100: mean of the agents of each scenario, mean of the scenarios. low: End of its interval.
-        high: Other end.
+        score: From 0 to 100: mean of the agents of each scenario, mean of the scenarios. low: End of its interval
+            over places; nan with fewer than 5. high: Other end.
         score_1: The score of earlier releases.
         n_scenarios: Scenarios. n_agents: Agents, lost ones included.
         at_fault: Collisions at fault per 100 agents. at_fault_nuplan: By nuPlan's verdict.
@@ -100,12 +99,12 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
     found = []
     for traffic, agents in settings:
         here = (rows["traffic"] == traffic) & (rows["agents"] == agents)
-        expected = expected_agents(rows, here)
+        expected, places = expected_agents(rows, here), scenario_places(rows)
         runs = {name: here & (rows["variant"] == name) for name in sorted(set(rows["variant"][here].tolist()))}
         own = {name: own_agents(rows, mine, expected) for name, mine in runs.items()}
         common = {name: set.intersection(*(agents[name] for agents in own.values())) for name in expected}
         for name, mine in runs.items():
-            one = planner_score(rows, mine, own[name])
+            one = planner_score(rows, mine, own[name], places)
             shared = planner_score(rows, mine & among(rows, common), common) if any(common.values()) else None
             found.append(
                 replace(
@@ -117,6 +116,12 @@ def batch_scores(folder: str | Path) -> list[PlannerScore]:
                 )
             )
     return found
+
+
+def scenario_places(rows: Mapping[str, Any]) -> dict[str, str]:
+    """The place of each scenario by its hash, as far as names tell."""
+    names = zip(rows["scenario_sha256"].astype(str).tolist(), rows["scenario"].tolist(), strict=True)
+    return {sha256: place_of(str(name)) or sha256 for sha256, name in names}
 
 
 def own_agents(
@@ -183,7 +188,7 @@ def planner_score(
         rows: Columns of the data set as arrays, with `variant`.
         mine: Which rows count.
         expected: Agents (seed, id) by scenario; those without a row count as 0.
-        groups: What scenarios are drawn together in the bootstrap, by scenario; each alone by default.
+        groups: The place of each scenario, by its hash: what intervals draw together; each alone by default.
     """
     tested = np.flatnonzero(mine & (rows["under_test"] == 1) & ~np.isnan(rows["score"].astype(np.float64)))
     score, former = (rows[name][tested].astype(np.float64) for name in ("score", "score_1"))
@@ -196,14 +201,11 @@ def planner_score(
     n_lost = {
         name: max(len(expected.get(name, set()) - driven.get(name, set())), failures.get(name, 0)) for name in names
     }
-    means, former_means = [], []
-    for name in names:
-        here = scenario == name
-        n = int(here.sum()) + n_lost[name]
-        means.append(float(score[here].sum()) / n)
-        former_means.append(float(former[here].sum()) / n)
-    n_agents = len(tested) + sum(n_lost.values())
-    low, high = interval(np.array(means), [groups[name] if groups else name for name in names])
+    lost = [name for name in names for _ in range(n_lost[name])]
+    total, means, _ = mean_of_files(np.append(score, np.zeros(len(lost))), [*scenario.tolist(), *lost])
+    former_total = mean_of_files(np.append(former, np.zeros(len(lost))), [*scenario.tolist(), *lost])[0]
+    n_agents = len(tested) + len(lost)
+    low, high = mean_interval(100.0 * means, [groups[name] if groups else name for name in names])
     first = next(iter(np.flatnonzero(mine).tolist()), None)
 
     def per_hundred(values: NDArray[Any]) -> float:
@@ -213,32 +215,19 @@ def planner_score(
         variant="" if first is None else str(rows["variant"][first]),
         traffic="" if first is None else str(rows["traffic"][first]),
         agents="" if first is None else str(rows["agents"][first]),
-        score=100.0 * float(np.mean(means)) if means else float("nan"),
+        score=100.0 * total,
         low=low,
         high=high,
-        score_1=100.0 * float(np.mean(former_means)) if means else float("nan"),
+        score_1=100.0 * former_total,
         n_scenarios=len(names),
         n_agents=n_agents,
         at_fault=per_hundred(rows["fault"]),
         at_fault_nuplan=per_hundred(rows["fault_nuplan"]),
         reached=per_hundred(rows["outcome"] == "goal_reached"),
-        zeros=_zeros(rows, tested[score == 0.0], sum(n_lost.values())),
-        by_scenario=dict(zip(names, means, strict=True)),
+        zeros=_zeros(rows, tested[score == 0.0], len(lost)),
+        by_scenario=dict(zip(names, means.tolist(), strict=True)),
         panel="; ".join(sorted({name for name in rows["panel"][tested].tolist() if isinstance(name, str)})),
     )
-
-
-def interval(means: Floats, groups: Sequence[str]) -> tuple[float, float]:
-    """Ends of the interval of the mean of scenarios, from samples of groups with replacement; nan with one group."""
-    names, group = np.unique(np.array(groups, dtype=str), return_inverse=True)
-    n = len(names)
-    if n < 2:
-        return float("nan"), float("nan")
-    drawn = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), size=SAMPLES).astype(np.float64)
-    sums, counts = np.bincount(group, weights=means, minlength=n), np.bincount(group, minlength=n)
-    spread = 100.0 * (drawn @ sums) / (drawn @ counts)
-    low, high = np.quantile(spread, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], method="nearest").tolist()
-    return low, high
 
 
 def _failures(rows: Mapping[str, Any], mine: Bools) -> Counter[str]:

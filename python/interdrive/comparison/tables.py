@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from interdrive.comparison.caveats import SCENARIOS_MIN, is_sure
+from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.intervals import PLACES_SURE
 from interdrive.comparison.metrics import METRICS
 from interdrive.comparison.variants import ALL
 
@@ -72,7 +73,7 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
     if rules := [m for m in metrics if m.rule]:
         yield _by_category("Rules of the road that they broke, per 100 agents", rows, rules, ())
     if differences:
-        yield _of_differences(differences, [m for m in metrics if not m.rule], found.level)
+        yield _of_differences(differences, [m for m in metrics if not m.rule], found.level, found.group)
 
 
 def metrics_shown(rows: Sequence[dict[str, Any]]) -> list[Metric]:
@@ -94,7 +95,7 @@ def _by_category(
     return Sheet(title, head, 2, tuple(lines))
 
 
-def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], level: float) -> Sheet:
+def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], level: float, group: str) -> Sheet:
     pairs = list(dict.fromkeys((row["variant"], row["other"]) for row in rows))
     at = {(row["metric"], row["variant"], row["other"]): row for row in rows}
     lines = []
@@ -104,27 +105,29 @@ def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], l
             row = at[metric.name, one, other]
             low, high = shown(metric, row["low"]), shown(metric, row["high"])
             interval = f" [{low}, {high}]" if row["low"] is not None else ""
-            cells.append(Cell(shown(metric, row["difference"]) + interval, is_sure(row)))
+            cells.append(Cell(shown(metric, row["difference"]) + interval, is_sure(row, level)))
         lines.append(tuple(cells))
     head = ("metric", *(f"{one} − {other}" for one, other in pairs))
-    title = f"Differences over all categories, with {100 * level:g} % intervals over scenarios"
-    return Sheet(title, head, 1, tuple(lines), meaning_of_bold(rows, metrics))
+    title = f"Differences over all categories, with {100 * level:g} % intervals over {group}s"
+    return Sheet(title, head, 1, tuple(lines), meaning_of_bold(rows, metrics, group))
 
 
-def meaning_of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric]) -> str:
+def meaning_of_bold(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], group: str) -> str:
     """What bold means, and where it cannot be."""
-    enough = {row["metric"] for row in rows if row["n_scenarios"] >= SCENARIOS_MIN}
+    enough = {row["metric"] for row in rows if row["n_places"] >= PLACES_SURE}
     names = [metric.heading for metric in metrics if metric.name not in enough]
     if names and len(names) == len(metrics):
-        most = max(row["n_scenarios"] for row in rows)
+        most = max(row["n_places"] for row in rows)
         count = f"there {'is' if most == 1 else 'are'} {most}"
         return (
-            f"Nothing is in bold: over fewer than {SCENARIOS_MIN} scenarios ({count}) intervals are much too narrow, "
-            "so no planner is called better than another."
+            f"Nothing is in bold: over fewer than {PLACES_SURE} {group}s ({count}) intervals are rough, so no planner "
+            "is called better than another."
         )
-    said = "Bold: the interval does not contain zero."
+    pairs = len({(row["variant"], row["other"]) for row in rows})
+    said = "Bold: the interval does not contain zero"
+    said += f", also if adjusted for {pairs} pairs (Holm)." if pairs > 1 else "."
     if names:
-        said += f" Never in bold, with fewer than {SCENARIOS_MIN} scenarios: {', '.join(names)}."
+        said += f" Never in bold, with fewer than {PLACES_SURE} {group}s: {', '.join(names)}."
     return said
 
 

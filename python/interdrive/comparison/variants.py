@@ -46,6 +46,7 @@ class ComparedSet:
         n_scenarios: Scenarios of the agents that all of them drove.
         n_agents: Agents that all of them drove; table and differences contain no others.
         left_out: Per variant, agents that it drove and another one did not.
+        n_places: Places, files or agents that intervals draw.
         n_repeated: Rows of agents whose seed drew the same agents of a scenario as an earlier one.
     """
 
@@ -57,6 +58,7 @@ class ComparedSet:
     n_agents: int
     left_out: Mapping[str, int]
     n_repeated: int = 0
+    n_places: int = 0
 
     @property
     def title(self) -> str:
