@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-SCENARIOS := $(or $(INTERDRIVE_SCENARIOS),../shared/scenarios)
+# Folders, with a colon between them in the variable; what compares with stored figures reads the first one.
+SCENARIOS := $(subst :, ,$(or $(INTERDRIVE_SCENARIOS),../shared/scenarios))
+STORED := $(firstword $(SCENARIOS))
 COMPARED := --planner frenet,frenetix,reactive,idm_mobil --predictor lane_following
 RUST := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
 export PYTHONWARNINGS ?=
@@ -128,7 +130,7 @@ bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all 
 	$(BIN)/python benchmarks/start.py
 	if [ -e .venv-third/.installed ]; then .venv-third/bin/python benchmarks/against_frenetix.py --times-only; fi
 	$(BIN)/python benchmarks/criticality.py
-	$(BIN)/python benchmarks/environments.py $(SCENARIOS)
+	$(BIN)/python benchmarks/environments.py $(STORED)
 	$(BIN)/python benchmarks/cooperation.py
 	$(BIN)/python benchmarks/targets.py
 
@@ -147,13 +149,13 @@ cooperation: $(VENV)/.optimised ## the study of docs/research/cooperation.md in 
 	$(BIN)/interdrive study cooperation --seeds 3 --out out/study_cooperation --overwrite
 
 driving: $(VENV)/.optimised ## how well agents drive in all scenarios: in time, collisions, causes, realism; see docs/research/driving.md
-	$(BIN)/python benchmarks/driving $(SCENARIOS)
+	$(BIN)/python benchmarks/driving $(STORED)
 
 driving_side_by_side: $(VENV)/.optimised ## the same agents with other predictors and among traffic that interacts less: a quarter of an hour
-	$(BIN)/python benchmarks/driving/side_by_side.py $(SCENARIOS)
+	$(BIN)/python benchmarks/driving/side_by_side.py $(STORED)
 
 driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? benchmarks/driving/guard.py --update stores new figures
-	$(BIN)/python benchmarks/driving/guard.py $(SCENARIOS)
+	$(BIN)/python benchmarks/driving/guard.py $(STORED)
 
 instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
 	$(PYTHON) benchmarks/instructions.py
@@ -178,7 +180,7 @@ environments: $(patsubst %,%/.installed,$(filter-out .venv-browser .venv-rl .ven
 FUZZ_SEED ?= 1
 FUZZ_SECONDS ?= 3600
 fuzz: $(VENV)/.installed ## mutated files through everything; see docs/research/robustness.md
-	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS)/format_edge_cases $(SCENARIOS)/../robustness)
+	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --seeds $(wildcard $(SCENARIOS:%=%/format_edge_cases) $(STORED)/../robustness)
 
 fuzz-smoke: $(VENV)/.installed ## regressions, 300 mutants and 400 of other formats, the same ones every time, for two minutes at most
 	$(BIN)/python -m tests.fuzz --seconds 60 --mutants 300
@@ -222,7 +224,7 @@ learn: .venv-rl/.installed ## trains the policy of docs/research/learning.md, fo
 	.venv-rl/bin/python scenarios/varied.py out/varied --number 40
 	.venv-rl/bin/python scenarios/varied.py out/unseen --number 12 --seed 10000
 	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --scenarios out/varied
-	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(SCENARIOS) --yielding out/unseen
+	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(STORED) --yielding out/unseen
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

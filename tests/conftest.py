@@ -8,6 +8,7 @@ import commonroad_documents as cr
 import pytest
 
 from interdrive import InputError, Scenario, read_scenario
+from interdrive.files import scenario_folders
 from interdrive.predictors import models
 from interdrive.predictors.walenet import network
 
@@ -50,8 +51,8 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="session")
 def scenarios_folder() -> Path:
-    """Folder of recorded scenarios, which are too many to ship; `INTERDRIVE_SCENARIOS` says where it is."""
-    folder = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" / "scenarios"))
+    """Folder of recorded scenarios, which are too many to ship: the first one that `INTERDRIVE_SCENARIOS` names."""
+    folder = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
     if not folder.is_dir():
         pytest.skip(f"no recorded scenarios in {folder}: set INTERDRIVE_SCENARIOS to their folder")
     return folder

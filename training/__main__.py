@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from interdrive.files import scenario_folders
 from interdrive.predictors import Neural
 from training.calibration import Calibration, calibrated, fitted, with_fitted_tail
 from training.dataset import RIVALS, gather, scenario_files
@@ -110,10 +111,10 @@ def main() -> int:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
-    default = [os.environ.get("INTERDRIVE_SCENARIOS", "../shared/scenarios")]
-    default.append(os.environ.get("INTERDRIVE_TRAINING", "../shared/training_scenarios.tar.xz"))
+    default = [*(scenario_folders() or [Path("../shared/scenarios")])]
+    default.append(Path(os.environ.get("INTERDRIVE_TRAINING", "../shared/training_scenarios.tar.xz")))
     parser.add_argument(
-        "scenarios", nargs="*", type=Path, default=[Path(name) for name in default],
+        "scenarios", nargs="*", type=Path, default=default,
         help="folders of scenario files, or archives of such; INTERDRIVE_SCENARIOS and INTERDRIVE_TRAINING otherwise",
     )  # fmt: skip
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "interdrive" / "training"

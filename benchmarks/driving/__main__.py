@@ -12,7 +12,6 @@ Prints Markdown. Results do not depend on the number of workers.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -27,6 +26,7 @@ from realism import distances
 from interdrive.config.binding import bind
 from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import SimulationSettings
+from interdrive.files import scenario_folders
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,7 +48,7 @@ def drive_all(
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="driving", description=(__doc__ or "").splitlines()[0])
-    default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
+    default = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
     parser.add_argument("folder", type=Path, nargs="?", default=default, help="of scenarios, or of folders of them")
     parser.add_argument("--planner", default=DEFAULT_PLANNER, help="of all agents, as for interdrive run")
     parser.add_argument("--predictor", default="neural")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any
 from drives import LONG, Drive, drive
 
 from interdrive.config.schema import SimulationSettings
+from interdrive.files import scenario_folders
 
 ROOT = Path(__file__).resolve().parents[2]
 STORED, PAGE = Path(__file__).with_name("guard.json"), ROOT / "docs" / "research" / "log" / "driving.md"
@@ -150,7 +150,7 @@ def store(figures: dict[str, Figures], why: str) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
+    default = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
     parser.add_argument("folder", type=Path, nargs="?", default=default)
     parser.add_argument(
         "--update", metavar="REASON", help="store what is measured; the reason goes into docs/research/log/driving.md"

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
@@ -27,7 +26,7 @@ from standing import mutual_waits
 from interdrive.config.binding import bind
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InterdriveError
-from interdrive.files import read_scenario
+from interdrive.files import read_scenario, scenario_folders
 from interdrive.run.violations.drives import driven, recorded
 from interdrive.run.violations.lines import passings
 from interdrive.simulation import Simulation, reachable_agents
@@ -165,7 +164,7 @@ def table(counted: dict[str, Counter[str]]) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="rules", description=(__doc__ or "").splitlines()[0])
-    default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
+    default = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
     parser.add_argument("folder", type=Path, nargs="?", default=default, help="of folders, one per category")
     parser.add_argument("--drivers", nargs="+", choices=DRIVERS, default=list(DRIVERS), metavar="NAME")
     parser.add_argument("--predictor", default="neural")

@@ -9,7 +9,6 @@ With all vehicles as agents there is a run for each scenario; alone, there is on
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections import Counter
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 import tables
 
 from interdrive.batches import batch
+from interdrive.files import scenario_folders
 
 ROOT = Path(__file__).resolve().parents[2]
 #: Title of a column, then what `interdrive.batches.batch` is given.
@@ -63,7 +63,7 @@ def compared(found: dict[str, dict[tuple[str, int], tuple[str, str]]], counted: 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="side_by_side", description=(__doc__ or "").splitlines()[0])
-    default = os.environ.get("INTERDRIVE_SCENARIOS") or ROOT.parent / "shared" / "scenarios"
+    default = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
     parser.add_argument("folder", type=Path, nargs="?", default=default, help="of folders, one per category")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "driving" / "side_by_side")
     parser.add_argument("--page", type=Path, metavar="FILE", help="the table also goes between markers of this page")
