@@ -185,9 +185,6 @@ def test_with_little_time_it_takes_smaller_gaps():
     assert patient.gaps(cars)[1][0] > hurried.gaps(cars)[1][0] > 1.0, "m to the car behind"
 
 
-@pytest.mark.xfail(
-    strict=True, reason="it opens the gap ahead although the car behind, which does not react, is as near: it is hit"
-)
 def test_in_a_row_with_short_gaps_it_does_not_slow_down_in_front_of_the_car_behind():
     # In the end it has to change into a gap of 14 m, which leaves less than 5 m on each side.
     assert Drive(two_lanes(row(66.0, 14.0, 4))).outcome == "goal_reached"

@@ -274,7 +274,7 @@ def test_an_agent_that_stands_askew_in_a_wide_lane_drives_off(planner, y, headin
         ("rollout", 1.2, 0.4),
         ("frenet", -1.2, -0.4),
         ("rollout", -1.2, -0.4),
-        pytest.param("frenet", 1.2, -0.4, marks=missing(ASKEW)),
+        ("frenet", 1.2, -0.4),
         ("rollout", 1.2, -0.4),
     ],
 )
@@ -295,7 +295,7 @@ def test_an_agent_that_stands_askew_inside_a_junction_drives_off(planner, beside
     ("planner", "gap", "ahead"),
     [
         ("frenet", 26.0, 0.0),
-        pytest.param("rollout", 26.0, 0.0, marks=missing("rollout does not fall back into that gap either")),
+        ("rollout", 26.0, 0.0),
         pytest.param("idm_mobil", 26.0, 0.0, marks=missing("idm_mobil falls so far back that it is 1.7 s late")),
         ("frenet", 26.0, 13.0),
         ("rollout", 26.0, 13.0),

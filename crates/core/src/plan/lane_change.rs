@@ -41,6 +41,10 @@ const GENTLE_STEP: f64 = 2.0;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
+/// An agent that seeks a gap is no slower than this share of the flow in its own lane, if a vehicle follows there, and no
+/// slower than this [m/s].
+const FLOW_SHARE: f64 = 0.85;
+const FLOW_SPEED_MIN: f64 = 8.0;
 /// The agent wants to be beside a gap after this time [s].
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
@@ -190,7 +194,7 @@ impl LaneRoutes {
             };
             return (there, change);
         }
-        let velocity = self.seek(request, comfort, time_gap, (aim, there), waiting.end);
+        let velocity = self.seek(request, comfort, (aim, there), waiting.end);
         (aim, LaneChange { velocity, ..waiting })
     }
 
@@ -227,12 +231,12 @@ impl LaneRoutes {
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
-    /// that is too small counts for less; `None` if it can reach none.
+    /// that is too small counts for less. It follows the gap, so that it drives as fast as the gap once it is there, and it
+    /// aims further inside than hurry would allow.
     fn seek(
         &self,
         request: &PlanRequest,
         comfort: &Comfort,
-        time_gap: f64,
         (here, there): (Aim, Aim),
         end: f64,
     ) -> Option<f64> {
@@ -248,7 +252,7 @@ impl LaneRoutes {
         let (velocity, step) = (start.velocity, comfort.velocity_step);
         let wish = wish.clamp((velocity - step).max(0.0), velocity + step);
         let half = 0.5 * request.vehicle.length;
-        let room = |other: &Interval| half + GAP_MIN + time_gap * other.velocity.max(0.0);
+        let room = |other: &Interval| half + GAP_MIN + TIME_GAP * other.velocity.max(0.0);
         let behind = |other: &Interval| other.rear + other.velocity * time - room(other);
         let ahead = |other: &Interval| other.front + other.velocity * time + room(other);
         // Everything relative to the agent's centre.
@@ -256,11 +260,14 @@ impl LaneRoutes {
             intervals(request, &self.lanes.lanes[there.lane], &self.ego(request, there)).collect();
         others.sort_by(|a, b| a.middle().total_cmp(&b.middle()));
         let ego = self.ego(request, here);
-        let leaders = intervals(request, &self.lanes.lanes[here.lane], &ego);
-        let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
+        let own: Vec<Interval> = intervals(request, &self.lanes.lanes[here.lane], &ego).collect();
+        let leaders = own.iter().filter(|other| other.middle() > 0.0).map(behind);
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
-        let free = 0.5 * (velocity + wish) * time;
+        let followers = own.iter().filter(|other| other.middle() < 0.0 && other.velocity > 0.0);
+        let follower = followers.max_by(|a, b| a.front.total_cmp(&b.front));
+        let flow = follower.map_or(0.0, |next| next.velocity.min(wish));
+        let slowest = (FLOW_SHARE * flow).max(flow.min(FLOW_SPEED_MIN));
         let to_the_left = there.d < 0.0;
         let is_ahead = |other: &Interval| {
             let middle = other.middle();
@@ -272,13 +279,12 @@ impl LaneRoutes {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));
             let high = others.get(i).map_or(f64::INFINITY, behind).min(furthest);
             let lack = (low - high).max(0.0);
-            let way = if lack > 0.0 { 0.5 * (low + high) } else { free.clamp(low, high) };
-            let speed = 2.0 * way / time - velocity;
+            let way = if lack > 0.0 { 0.5 * (low + high) } else { (wish * time).clamp(low, high) };
+            let speed = way / time;
             let passed = i.abs_diff(place) as f64;
             let cost = (speed - wish).abs() + LACK_WEIGHT * lack + PASSING_WEIGHT * passed;
-            if (-0.5 * velocity..=velocity + 2.0 * step).contains(&speed) && best.is_none_or(|(least, _)| cost < least)
-            {
-                best = Some((cost, speed.clamp(0.0, velocity + step)));
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, speed.max(slowest).clamp(0.0, velocity + step)));
             }
         }
         best.map(|(_, speed)| speed)
