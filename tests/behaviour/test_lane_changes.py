@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.support.junction_lanes import network, straight
+from tests.support.junction_lanes import left_turn, network, straight
 
 import interdrive as idr
 from interdrive.run import PLAN_STATUS
@@ -188,6 +188,33 @@ def test_with_little_time_it_takes_smaller_gaps():
 def test_in_a_row_with_short_gaps_it_does_not_slow_down_in_front_of_the_car_behind():
     # In the end it has to change into a gap of 14 m, which leaves less than 5 m on each side.
     assert Drive(two_lanes(row(66.0, 14.0, 4))).outcome == "goal_reached"
+
+
+def forking(cars, steps=900):
+    """Lanes 1 and 2 (left) run beside each other for 200 m; 1 leads straight on to 3, 2 to the goal in 4, a left bend."""
+    centers = {
+        1: straight((0.0, 0.0), (200.0, 0.0)),
+        2: straight((0.0, 3.5), (200.0, 3.5)),
+        3: straight((200.0, 0.0), (600.0, 0.0)),
+        4: left_turn(200.0, (200.0, 3.5)),
+    }
+    agent = problem(1, 50.0, 0.0, SPEED, goal=(300.0, 30.4), goal_size=(40.0, 20.0), time_step=(0, steps))
+    return world(network(centers, {1: (3,), 2: (4,)}, {1: 2}), cars=cars, problems=[agent], steps=steps)
+
+
+def test_it_waits_for_a_gap_where_its_lane_leads_elsewhere():
+    drive = Drive(forking(row(200.0, 2.0, 40, velocity=6.0)))
+    assert drive.velocity.min() < 1.0, "m/s"
+    assert drive.outcome == "goal_reached"
+
+
+def test_it_gives_up_its_goal_rather_than_stop_in_front_of_the_traffic_behind():
+    behind = [Car(200 + k, 10.0 - 30.0 * k, 0.0, SPEED) for k in range(4)]
+    drive = Drive(forking([*row(200.0, 2.0, 40, velocity=6.0), *behind]))
+    assert drive.velocity.min() > 0.85 * SPEED - 0.1, "m/s: the flow behind it"
+    assert drive.outcome == "goal_missed"
+    assert drive.run.outcomes.reason[0].endswith("it did not get from lanelet 1 to lanelet 2 beside it")
+    assert abs(drive.y[-1]) < 0.5, "m from the middle of lane 3"
 
 
 def test_changes_to_the_right_are_those_to_the_left_mirrored():

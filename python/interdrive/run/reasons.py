@@ -77,7 +77,8 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
         case "time_limit" if message.startswith(NO_ROOM):
             text = message
         case "goal_missed":
-            text = approach(run, agent).words or "drove past its goal"
+            words = approach(run, agent).words or "drove past its goal"
+            text = _joined(words, _missing_change(run, agent, road))
         case _:
             text = _time_over(run, agent, message)
     return text
@@ -89,6 +90,21 @@ def _time_over(run: RunRecord, agent: AgentRecord, message: str) -> str:
     if near.at_end:
         return _joined(*_causes(run, agent), f"{near.words} when {over}")
     return _joined(*_causes(run, agent), near.words, over if message or not near.words else "")
+
+
+def _missing_change(run: RunRecord, agent: AgentRecord, road: _core.RoadNetwork) -> str:
+    """The lane change of its route that an agent did not make; "" if it made all of them."""
+    row, route = int(np.searchsorted(run.states.participant_id, agent.id)), agent.route_lanelet_ids
+    columns = np.flatnonzero(run.states.valid[row]).tolist()
+    centers = [(float(run.states.x[row, column]), float(run.states.y[row, column])) for column in columns]
+    below = {lanelet for center in centers for lanelet in road.lanelets_at(*center)}
+    last = max((place for place, lanelet in enumerate(route) if lanelet in below), default=-1)
+    if not 0 <= last < len(route) - 1:
+        return ""
+    here, following = route[last], route[last + 1]
+    place = int(np.searchsorted(run.scenario.lanelets.ids, here))
+    beside = run.scenario.lanelets.adjacent_left[place], run.scenario.lanelets.adjacent_right[place]
+    return f"it did not get from lanelet {here} to lanelet {following} beside it" if following in beside else ""
 
 
 def _joined(*parts: str) -> str:

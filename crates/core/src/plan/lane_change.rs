@@ -7,6 +7,9 @@
 //! 10.3141/1999-10, eq. 2), without its incentive, as the route demands the change, and with the deceleration that makes
 //! the speeds equal in the room that is left. The sooner the change has to be done, the smaller the gaps that suffice. A
 //! change that is under way is seen from the previous plan.
+//!
+//! Where its lane goes on, elsewhere, and a vehicle follows, an agent without a gap gives up its goal rather than stop in
+//! traffic.
 
 use super::arrival;
 use super::comfort::Comfort;
@@ -45,6 +48,8 @@ const END_MARGIN: f64 = 10.0;
 /// slower than this [m/s].
 const FLOW_SHARE: f64 = 0.85;
 const FLOW_SPEED_MIN: f64 = 8.0;
+/// A vehicle follows if it is where the agent is now within this time [s].
+const FOLLOWING_TIME: f64 = 4.0;
 /// The agent wants to be beside a gap after this time [s].
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
@@ -113,8 +118,9 @@ impl LaneRoutes {
     /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
     pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
         let leads_on = |aim: &Aim| {
-            let lane = &self.lanes.lanes[aim.lane];
-            lane.need(aim.s).is_some() && self.is_along(request, aim)
+            // Beyond the last chance an agent stays in its lane.
+            let leads_on = request.previous.is_some() || self.lanes.lanes[aim.lane].need(aim.s).is_some();
+            leads_on && self.is_along(request, aim)
         };
         let Some(aim) = self.lanes.aimed_at(request, AIM_DISTANCE).filter(leads_on) else { return *request };
         let (aim, lane_change) = self.choose(request, comfort, aim);
@@ -175,7 +181,9 @@ impl LaneRoutes {
         let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
             return (aim, LaneChange::default());
         };
-        let waiting = LaneChange { end: end(&need), ..LaneChange::default() };
+        let follower = self.follower(request, aim);
+        let gives_up = need.goes_on && follower.is_some();
+        let waiting = LaneChange { end: if gives_up { f64::INFINITY } else { end(&need) }, ..LaneChange::default() };
         let next = beside.into_iter().flatten().find(|(lane, s)| missing(*lane, *s) < need.changes);
         let there = next.and_then(|(lane, s)| self.in_lane(request, lane, s));
         let Some(there) = there.filter(|there| self.is_along(request, there)) else { return (aim, waiting) };
@@ -184,7 +192,7 @@ impl LaneRoutes {
         let (own, lag) = (comfort.deceleration, FIRM_DECELERATION);
         let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
-        if is_accepted || !can_stop(aim.s, &need) {
+        if is_accepted || !gives_up && !can_stop(aim.s, &need) {
             let change = LaneChange {
                 is_accepted,
                 is_under_way: true,
@@ -194,7 +202,7 @@ impl LaneRoutes {
             };
             return (there, change);
         }
-        let velocity = self.seek(request, comfort, (aim, there), waiting.end);
+        let velocity = self.seek(request, comfort, (aim, there), (follower, waiting.end));
         (aim, LaneChange { velocity, ..waiting })
     }
 
@@ -225,6 +233,12 @@ impl LaneRoutes {
         leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
 
+    /// The vehicle that drives behind the agent in its lane and would be held up soon.
+    fn follower(&self, request: &PlanRequest, aim: Aim) -> Option<Next> {
+        let found = Neighbours::of(request, &self.lanes.lanes[aim.lane], &self.ego(request, aim)).follower;
+        found.filter(|next| next.velocity > 0.0 && next.gap < FOLLOWING_TIME * next.velocity)
+    }
+
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
         let path = &self.lanes.lanes[aim.lane].path;
         Ego { reach: VEHICLE_REACH, ..Ego::new(request, path, (aim.s, request.state.velocity.max(0.0), 0.0), 1.0) }
@@ -238,7 +252,7 @@ impl LaneRoutes {
         request: &PlanRequest,
         comfort: &Comfort,
         (here, there): (Aim, Aim),
-        end: f64,
+        (follower, end): (Option<Next>, f64),
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
@@ -260,12 +274,10 @@ impl LaneRoutes {
             intervals(request, &self.lanes.lanes[there.lane], &self.ego(request, there)).collect();
         others.sort_by(|a, b| a.middle().total_cmp(&b.middle()));
         let ego = self.ego(request, here);
-        let own: Vec<Interval> = intervals(request, &self.lanes.lanes[here.lane], &ego).collect();
-        let leaders = own.iter().filter(|other| other.middle() > 0.0).map(behind);
+        let leaders = intervals(request, &self.lanes.lanes[here.lane], &ego);
+        let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
-        let followers = own.iter().filter(|other| other.middle() < 0.0 && other.velocity > 0.0);
-        let follower = followers.max_by(|a, b| a.front.total_cmp(&b.front));
         let flow = follower.map_or(0.0, |next| next.velocity.min(wish));
         let slowest = (FLOW_SHARE * flow).max(flow.min(FLOW_SPEED_MIN));
         let to_the_left = there.d < 0.0;

@@ -64,6 +64,8 @@ struct Piece {
     last_chance: f64,
     /// Arc length at which the last lane beside it with fewer changes missing ends [m]; infinite if none is missing.
     lane_end: f64,
+    /// The lane goes on behind that.
+    goes_on: bool,
 }
 
 /// The remaining task of an agent in a lane.
@@ -76,6 +78,8 @@ pub(super) struct Need {
     /// Arc length at which the last lane beside it with fewer changes missing ends, wherever the goal is [m]; infinite if
     /// none is missing.
     pub(super) lane_end: f64,
+    /// The lane goes on behind that, elsewhere.
+    pub(super) goes_on: bool,
 }
 
 /// All lanes of an agent; the first one is that of its start.
@@ -258,7 +262,7 @@ impl Lane {
             let end = lanelets[lanelet].center.at(lanelets[lanelet].length);
             expected = path.project_near(end, expected, FOOT_WINDOW).map_or(expected, |foot| foot.0);
             let (changes, never) = (changes[lanelet], f64::INFINITY);
-            pieces.push(Piece { lanelet, end: expected, changes, last_chance: never, lane_end: never });
+            pieces.push(Piece { lanelet, end: expected, changes, last_chance: never, lane_end: never, goes_on: true });
         }
         // No lane change is needed beyond the goal.
         let goal_s = goal_place.and_then(|place| path.project(place)).map_or(f64::INFINITY, |foot| foot.0);
@@ -272,6 +276,7 @@ impl Lane {
                 sides.into_iter().flatten().any(|(beside, same)| same && changes[beside] < pieces[i].changes)
             };
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
+            pieces[i].goes_on = pieces[pieces.len() - 1].end > last;
             pieces[i].last_chance = last.min(goal_s) - CHANGE_RESERVE;
             pieces[i].lane_end = last;
         }
@@ -286,8 +291,8 @@ impl Lane {
 
     /// The remaining task at an arc length; `None` if the goal cannot be reached from there.
     pub(super) fn need(&self, s: f64) -> Option<Need> {
-        let Piece { changes, last_chance, lane_end, .. } = *self.piece_at(s);
-        (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end })
+        let Piece { changes, last_chance, lane_end, goes_on, .. } = *self.piece_at(s);
+        (changes != usize::MAX).then_some(Need { changes, last_chance, lane_end, goes_on })
     }
 
     /// Left and right bound at an arc length of the path.

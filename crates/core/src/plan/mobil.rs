@@ -273,11 +273,9 @@ mod tests {
     #[test]
     fn the_burden_of_a_lane_grows_towards_the_place_where_it_must_be_left() {
         let settings = IdmMobilSettings::default();
-        let need = |changes| Need { changes, last_chance: 340.0, lane_end: 340.0 };
-        assert_eq!(
-            settings.burden(&Need { changes: 0, last_chance: f64::INFINITY, lane_end: f64::INFINITY }, 0.0, 10.0),
-            0.0
-        );
+        let need = |changes| Need { changes, last_chance: 340.0, lane_end: 340.0, goes_on: false };
+        let none = Need { last_chance: f64::INFINITY, lane_end: f64::INFINITY, ..need(0) };
+        assert_eq!(settings.burden(&none, 0.0, 10.0), 0.0);
         // Urgent from 15 s and 40 m on: 190 m.
         assert!((settings.burden(&need(1), 100.0, 10.0) - 0.3).abs() < 1e-12);
         assert!((settings.burden(&need(1), 245.0, 10.0) - 2.3).abs() < 1e-12);

@@ -397,16 +397,16 @@ impl Drive {
         }
     }
 
-    /// Updates the arc length on the reference path.
+    /// Updates where it is on the reference path.
     fn follow_path(&mut self, state: &State, dt: f64) {
         /// The foot is searched within this distance of the last one [m], or two steps.
         const WINDOW: f64 = 15.0;
         let rear_axle = self.agent.vehicle.rear_axle_from_center(state.pose());
         let path = &self.agent.route.path;
         let window = WINDOW.max(2.0 * state.velocity.abs() * dt);
-        if let Some((s, _)) = path.project_near(rear_axle, self.s, window).or_else(|| path.project(rear_axle)) {
-            self.s = s;
-        }
+        let foot = path.project_near(rear_axle, self.s, window).or_else(|| path.project(rear_axle));
+        self.has_left_path = foot.is_none();
+        self.s = foot.map_or(self.s, |(s, _)| s);
     }
 
     fn judge(&self, state: &State, time_step: i64, settings: &StepSettings) -> Option<OutcomeKind> {
@@ -425,7 +425,8 @@ impl Drive {
         let center = self.s + self.agent.vehicle.rear_axle_to_center;
         let inside = goal.states.iter().any(|alternative| alternative.contains(state));
         // NaN (a goal without position) compares false.
-        if center > self.agent.route.goal_exit_s + MISSED_MARGIN && !inside {
+        let goal_exit = self.agent.route.goal_exit_s;
+        if (center > goal_exit + MISSED_MARGIN || self.has_left_path && goal_exit.is_finite()) && !inside {
             return Some(OutcomeKind::GoalMissed);
         }
         (self.last_time_step(settings).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)

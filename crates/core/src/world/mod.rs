@@ -134,6 +134,8 @@ struct Drive {
     outcome: Outcome,
     /// Arc length of the rear axle on the reference path [m].
     s: f64,
+    /// It is so far beside the reference path that it has no place there.
+    has_left_path: bool,
     /// Last plan and the time step of its point 0.
     plan: Option<(Trajectory, i64)>,
     /// Where it stands, once the recording is over.

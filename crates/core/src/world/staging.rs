@@ -128,6 +128,7 @@ impl World {
             place: None,
             outcome: Outcome::running(staged.agent.start_time_step),
             s: staged.start_s,
+            has_left_path: false,
             plan: None,
             stand: None,
             was_on_road: false,
