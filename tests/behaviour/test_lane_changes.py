@@ -250,12 +250,15 @@ def test_two_changes_follow_each_other():
     assert first < second < 3.0 * HALF_OVER, "s: one whole change, then the other one to its half"
 
 
-def test_two_agents_beside_each_other_that_want_each_others_lanes_swap_them():
+@pytest.mark.parametrize("planner", ["rollout", "idm_mobil"])
+@pytest.mark.parametrize("velocity", [5.0, SPEED])
+def test_two_agents_beside_each_other_that_want_each_others_lanes_swap_them(planner, velocity):
     agents = [
-        problem(1, 50.0, 0.0, SPEED, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500)),
-        problem(2, 50.0, 3.5, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500)),
+        problem(1, 50.0, 0.0, velocity, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 1500)),
+        problem(2, 50.0, 3.5, velocity, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 1500)),
     ]
-    run = idr.simulate(world(straight_road(600.0, lanes=2), problems=agents, steps=500), agents=[1, 2], threads=1)
+    scenario = world(straight_road(600.0, lanes=2), problems=agents, steps=1500)
+    run = idr.simulate(scenario, agents=[1, 2], planner=planner, threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
 
 

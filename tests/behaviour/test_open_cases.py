@@ -17,7 +17,6 @@ from interdrive import read_scenario, simulate
 from interdrive.testing import Car, problem, straight_road, world
 
 ASKEW = "frenet finds no sample that leads back to the path and stands until its time is up"
-OFF_THE_RING = "idm_mobil leaves the road on the way"
 
 
 def missing(reason):
@@ -197,8 +196,8 @@ def test_nobody_touches_who_has_priority_from_any_lane(tmp_path, planner, start)
         ("frenet", 1, 40.0),
         ("rollout", 1, 40.0),
         ("idm", 1, 40.0),
-        pytest.param("idm_mobil", 1, 40.0, marks=missing(OFF_THE_RING)),
-        pytest.param("idm_mobil", 1, 25.0, marks=missing(OFF_THE_RING)),
+        ("idm_mobil", 1, 40.0),
+        ("idm_mobil", 1, 25.0),
         ("idm_mobil", 1, 80.0),
         ("idm_mobil", 2, 40.0),
     ],
@@ -221,8 +220,8 @@ def test_an_agent_drives_an_empty_ring_to_its_end(planner, lanes, radius):
         ("idm_mobil", 40.0),
         ("frenet", 18.5),
         ("rollout", 18.5),
-        pytest.param("idm_mobil", 18.5, marks=missing(OFF_THE_RING)),
-        pytest.param("idm_mobil", 25.0, marks=missing(OFF_THE_RING)),
+        ("idm_mobil", 18.5),
+        ("idm_mobil", 25.0),
     ],
 )
 def test_an_agent_leaves_the_inner_lane_of_an_empty_ring(planner, radius):

@@ -54,10 +54,8 @@ const FOLLOWING_TIME: f64 = 4.0;
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
 const LACK_WEIGHT: f64 = 2.0;
-/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s]; of two vehicles side by side, the
-/// vehicle that changes to the left, as from a ramp, falls back.
+/// So does each vehicle that the agent overtakes, or lets pass, for a gap [m/s].
 const PASSING_WEIGHT: f64 = 1.0;
-const SIDE_BY_SIDE: f64 = 0.25;
 /// Vehicles up to this far away are looked at [m].
 const VEHICLE_REACH: f64 = 250.0;
 /// The agent is searched on a lane this far around the expected place [m].
@@ -281,11 +279,7 @@ impl LaneRoutes {
         let flow = follower.map_or(0.0, |next| next.velocity.min(wish));
         let slowest = (FLOW_SHARE * flow).max(flow.min(FLOW_SPEED_MIN));
         let to_the_left = there.d < 0.0;
-        let is_ahead = |other: &Interval| {
-            let middle = other.middle();
-            if middle.abs() < SIDE_BY_SIDE { to_the_left } else { middle > 0.0 }
-        };
-        let place = others.iter().filter(|other| !is_ahead(other)).count();
+        let place = others.iter().filter(|other| !other.is_ahead(to_the_left)).count();
         let mut best: Option<(f64, f64)> = None;
         for i in 0..=others.len() {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));

@@ -206,6 +206,20 @@ fn chain(road: &RoadNetwork, through: usize, (route, lane): (&[usize], &[usize])
     let lanelets = road.lanelets();
     let mut chain = VecDeque::from([through]);
     let foot = lanelets[through].center.project(*start).s;
+    // A ring has no lanelets left behind.
+    let mut ahead = lanelets[through].length - foot;
+    while ahead < *length && chain.len() < LANE_LANELETS_MAX {
+        let next = road.successors_straightest_first(chain[chain.len() - 1]);
+        // The first of equals is the straightest.
+        let next = next
+            .iter()
+            .copied()
+            .filter(|next| !chain.contains(next))
+            .min_by_key(|next| (changes[*next], !route.contains(next)));
+        let Some(next) = next else { break };
+        ahead += lanelets[next].length;
+        chain.push_back(next);
+    }
     let mut behind = foot;
     let is_beside = |before: &usize| {
         let sides = [lanelets[*before].adjacent_left, lanelets[*before].adjacent_right];
@@ -219,19 +233,6 @@ fn chain(road: &RoadNetwork, through: usize, (route, lane): (&[usize], &[usize])
         let Some(before) = beside.or(first.filter(|_| behind < LEAD_IN)) else { break };
         behind += lanelets[before].length;
         chain.push_front(before);
-    }
-    let mut ahead = lanelets[through].length - foot;
-    while ahead < *length && chain.len() < LANE_LANELETS_MAX {
-        let next = road.successors_straightest_first(chain[chain.len() - 1]);
-        // The first of equals is the straightest.
-        let next = next
-            .iter()
-            .copied()
-            .filter(|next| !chain.contains(next))
-            .min_by_key(|next| (changes[*next], !route.contains(next)));
-        let Some(next) = next else { break };
-        ahead += lanelets[next].length;
-        chain.push_back(next);
     }
     chain.into()
 }

@@ -11,7 +11,7 @@ use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
 use super::idm::IdmSettings;
 use super::lanes::{Aim, Lane, Lanes, Need, SETTLED_OFFSET};
-use super::neighbours::{Neighbours, Next};
+use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::path_motion::RETURN_TIME;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{between, positive, settings};
@@ -196,9 +196,12 @@ fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lan
     }
     let nearer =
         |(lane, s): &(usize, f64)| lanes.lanes[*lane].need(*s).is_some_and(|there| there.changes < need.changes);
-    let (lane, s) = lanes.beside(aim.lane, aim.s, request.road).into_iter().flatten().find(nearer)?;
+    let beside = lanes.beside(aim.lane, aim.s, request.road);
+    let (place, (lane, s)) = beside.into_iter().enumerate().find_map(|(i, one)| Some((i, one.filter(nearer)?)))?;
     let ego = Ego::new(request, &lanes.lanes[lane].path, (s, velocity, 0.0), RETURN_TIME);
-    Neighbours::of(request, &lanes.lanes[lane], &ego).leader
+    let ahead = intervals(request, &lanes.lanes[lane], &ego).filter(|other| other.is_ahead(place == 0));
+    let next = |other: Interval| Next { gap: other.rear - 0.5 * request.vehicle.length, velocity: other.velocity };
+    ahead.map(next).min_by(|a, b| a.gap.total_cmp(&b.gap))
 }
 
 /// The agent's acceleration in a lane, with speed limits, curves and the place where the lane must be left [m/s²].

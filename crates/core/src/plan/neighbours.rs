@@ -10,6 +10,8 @@ use crate::geometry::Point;
 const WINDOW: f64 = 12.0;
 /// A participant within this distance of the edge of the corridor beside the agent is in it [m].
 const SIDE_MARGIN: f64 = 0.2;
+/// Vehicles whose middles are nearer to each other than this along the lane are side by side [m].
+const SIDE_BY_SIDE: f64 = 0.25;
 
 /// Leader and follower in a lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +43,13 @@ impl Interval {
     /// Its middle [m].
     pub(super) fn middle(&self) -> f64 {
         0.5 * (self.rear + self.front)
+    }
+
+    /// It is ahead of an agent that wants to change to its lane. Of two vehicles side by side the vehicle falls back that
+    /// changes to the left, as from a ramp.
+    pub(super) fn is_ahead(&self, to_the_left: bool) -> bool {
+        let middle = self.middle();
+        if middle.abs() < SIDE_BY_SIDE { to_the_left } else { middle > 0.0 }
     }
 }
 
