@@ -191,7 +191,7 @@ def test_in_a_row_with_short_gaps_it_does_not_slow_down_in_front_of_the_car_behi
 
 
 def forking(cars, steps=900):
-    """Lanes 1 and 2 (left) run beside each other for 200 m; 1 leads straight on to 3, 2 to the goal in 4, a left bend."""
+    """Lanes 1 and 2 (left) run beside each other for 200 m; 1 leads straight on to 3, 2 to the goal in 4, a bend."""
     centers = {
         1: straight((0.0, 0.0), (200.0, 0.0)),
         2: straight((0.0, 3.5), (200.0, 3.5)),
