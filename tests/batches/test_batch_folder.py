@@ -249,7 +249,7 @@ class InOrder:
 def test_two_batches_that_retry_a_run_do_it_once_however_it_ends(folder, specs, ended):
     def conducted(batch, between=lambda: None):
         backend = InOrder(ended, between)
-        _conduct(specs[:3], batch, backend, "none", send=False, on_progress=None)
+        _conduct(specs[:3], batch, backend, "none", None, send=False, on_progress=None)
         batch.tidy(now=True)
         return backend.done
 

@@ -239,6 +239,14 @@ def test_an_agent_leaves_the_inner_lane_of_an_empty_ring(planner, radius):
     assert run.outcomes.outcome == ("goal_reached",)
 
 
+@pytest.mark.parametrize(("radius", "velocity"), [(40.0, 8.0), (60.0, 14.0)])
+@pytest.mark.parametrize("into", [0.0, 0.7, 2.0])
+def test_an_agent_enters_a_ring_at_the_beginning_of_a_lanelet(into, radius, velocity):
+    trips = [trip(100, radius, into, 1.5 * math.pi * radius, velocity=velocity, steps=900)]
+    run = simulate(world(ring(8, radius, 1), problems=trips, steps=0), agents=[100], planner="idm_mobil", threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
 # Starts beside or across the path
 
 

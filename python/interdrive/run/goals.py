@@ -20,16 +20,20 @@ if TYPE_CHECKING:
 #: Distance between the points of a path at which its entry to the goal area is looked for [m].
 _SPACING = 0.2
 
+#: Beside its reference path by more than this, an agent is on another way [m].
+_BESIDE = 10.0
+
 #: Headings count as inside an interval within this [rad].
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class Approach:
-    """How near an agent came to its goal: in words, and whether they are about where it ended."""
+    """How near an agent came to its goal: in words, whether they are about where it ended, and about the goal area."""
 
     words: str
     at_end: bool
+    inside: bool = False
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ def approach(run: RunRecord, agent: AgentRecord) -> Approach:
         first, last = (said_time(run, column + run.states.first_time_step) for column in (best.first, best.last))
         when = f"at {first} s" if first == last else f"from {first} to {last} s"
         place = "in the goal area " if agent.goal_areas else ""
-        return Approach(", ".join((f"{place}{when}", *best.faults)), at_end=False)
+        return Approach(", ".join((f"{place}{when}", *best.faults)), at_end=False, inside=True)
     row, columns = _present(run, agent)
     if not len(columns) or not agent.goal_areas:
         return Approach("", at_end=False)
@@ -162,12 +166,14 @@ def _distance_left(run: RunRecord, agent: AgentRecord, row: int, columns: Ints) 
 
 
 def way_to_goal(agent: AgentRecord, x: float, y: float) -> float:
-    """Way along the reference path to the first point in a goal area [m]; inf if there is none ahead."""
+    """Way along the reference path to the first point in a goal area [m]; inf if none is ahead, or it left the path."""
     path = agent.reference_path
     if len(path) < 2:
         return math.inf
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    here = float(path_coordinates(path, np.array([[x, y]]))[0][0])
+    here, beside, _ = (float(one[0]) for one in path_coordinates(path, np.array([[x, y]])))
+    if beside > _BESIDE:
+        return math.inf
     s = np.arange(here, length[-1], _SPACING)
     points = np.stack([np.interp(s, length, path[:, axis]) for axis in (0, 1)], axis=1)
     areas = [_area(alternative) for alternative in agent.goal if alternative.areas]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from interdrive.run.contact import Contact
     from interdrive.run.phases import Phase
     from interdrive.run.record import AgentRecord, RunRecord
+    from interdrive.scenario import Lanelets
 
 #: So begins what the core says of agents that end because nothing moves any more.
 STANDSTILL = "nothing moved any more"
@@ -25,6 +27,9 @@ NO_ROOM = "found no room to enter"
 
 #: Shorter stops and shorter times without an admissible sample are no reason for being late [s].
 _LONG = 1.0
+
+#: An agent drives in a lanelet if its heading is within this of that of the lane [rad].
+_ALONG = 0.25 * np.pi
 
 #: Smaller overhangs are not worth a number [m].
 _SMALLEST = 0.05
@@ -77,8 +82,10 @@ def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetw
         case "time_limit" if message.startswith(NO_ROOM):
             text = message
         case "goal_missed":
-            words = approach(run, agent).words or "drove past its goal"
-            text = _joined(words, _missing_change(run, agent, road))
+            near = approach(run, agent)
+            text = _joined(
+                near.words or "drove past its goal", "" if near.inside else _missing_change(run, agent, road)
+            )
         case _:
             text = _time_over(run, agent, message)
     return text
@@ -93,18 +100,25 @@ def _time_over(run: RunRecord, agent: AgentRecord, message: str) -> str:
 
 
 def _missing_change(run: RunRecord, agent: AgentRecord, road: _core.RoadNetwork) -> str:
-    """The lane change of its route that an agent did not make; "" if it made all of them."""
-    row, route = int(np.searchsorted(run.states.participant_id, agent.id)), agent.route_lanelet_ids
-    columns = np.flatnonzero(run.states.valid[row]).tolist()
-    centers = [(float(run.states.x[row, column]), float(run.states.y[row, column])) for column in columns]
-    below = {lanelet for center in centers for lanelet in road.lanelets_at(*center)}
-    last = max((place for place, lanelet in enumerate(route) if lanelet in below), default=-1)
-    if not 0 <= last < len(route) - 1:
-        return ""
-    here, following = route[last], route[last + 1]
-    place = int(np.searchsorted(run.scenario.lanelets.ids, here))
-    beside = run.scenario.lanelets.adjacent_left[place], run.scenario.lanelets.adjacent_right[place]
-    return f"it did not get from lanelet {here} to lanelet {following} beside it" if following in beside else ""
+    """The first lane change of its route that an agent did not make; "" if it made all of them."""
+    lanelets, route = run.scenario.lanelets, agent.route_lanelet_ids
+    row = int(np.searchsorted(run.states.participant_id, agent.id))
+    columns = np.flatnonzero(run.states.valid[row])
+    poses = np.stack([run.states.x[row], run.states.y[row], run.states.orientation[row]], axis=1)[columns]
+    driven = {lanelet for pose in poses.tolist() for lanelet, *_ in road.matching(*pose, 0.0, _ALONG)}
+    changes = [
+        place
+        for place, (here, following) in enumerate(pairwise(route))
+        if following in _beside(lanelets, int(np.searchsorted(lanelets.ids, here)))
+    ]
+    for place, end in pairwise([*changes, len(route) - 1]):
+        if not driven.intersection(route[place + 1 : end + 1]):
+            return f"it did not get from lanelet {route[place]} to lanelet {route[place + 1]} beside it"
+    return ""
+
+
+def _beside(lanelets: Lanelets, place: int) -> tuple[int, int]:
+    return int(lanelets.adjacent_left[place]), int(lanelets.adjacent_right[place])
 
 
 def _joined(*parts: str) -> str:

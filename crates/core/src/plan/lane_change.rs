@@ -8,7 +8,7 @@
 //! the speeds equal in the room that is left. The sooner the change has to be done, the smaller the gaps that suffice. A
 //! change that is under way is seen from the previous plan.
 //!
-//! Where its lane goes on, elsewhere, and a vehicle follows, an agent without a gap gives up its goal rather than stop in
+//! Where its lane leads elsewhere and a vehicle follows, an agent without a gap gives up its goal rather than stop in
 //! traffic.
 
 use super::arrival;
@@ -44,12 +44,14 @@ const GENTLE_STEP: f64 = 2.0;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
-/// An agent that seeks a gap is no slower than this share of the flow in its own lane, if a vehicle follows there, and no
-/// slower than this [m/s].
+/// An agent that seeks a gap is no slower than this share of the flow in its own lane, if a vehicle follows there; a flow
+/// that is slower than this keeps its speed [m/s].
 const FLOW_SHARE: f64 = 0.85;
 const FLOW_SPEED_MIN: f64 = 8.0;
-/// A vehicle follows if it is where the agent is now within this time [s].
+/// A vehicle follows if it is where the agent is now within this time [s], at its speed or at this one [m/s]: it may
+/// stand behind the agent.
 const FOLLOWING_TIME: f64 = 4.0;
+const STARTING_SPEED: f64 = 2.0;
 /// The agent wants to be beside a gap after this time [s].
 const SEEKING_TIME: f64 = 3.0;
 /// A gap that is too small by 1 m counts as a change of speed by this [m/s].
@@ -113,7 +115,8 @@ impl LaneRoutes {
         Some(Self { routes: routes.collect(), lines: lines.collect(), lanes })
     }
 
-    /// The request in the frame of the lane that the agent aims at; as it is if none of them leads to the goal from here.
+    /// The request in the frame of the lane that the agent aims at; as it is if it cannot plan along it, or begins in a lane
+    /// that does not lead to the goal.
     pub(in crate::plan) fn aim<'a>(&'a self, request: &PlanRequest<'a>, comfort: &Comfort) -> PlanRequest<'a> {
         let leads_on = |aim: &Aim| {
             // Beyond the last chance an agent stays in its lane.
@@ -149,8 +152,8 @@ impl LaneRoutes {
         let front = |s: f64| s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
         let missing = |lane: usize, s: f64| lanes[lane].need(s).map_or(usize::MAX, |need| need.changes);
         let end = |need: &Need| need.lane_end - END_MARGIN * need.changes as f64;
-        let can_stop =
-            |s: f64, need: &Need| front(s) + 0.5 * velocity * velocity / comfort.deceleration <= need.lane_end;
+        let way_to_stop = 0.5 * velocity * velocity / comfort.deceleration;
+        let can_stop = |s: f64, need: &Need| front(s) + way_to_stop <= need.lane_end;
         let here = missing(aim.lane, aim.s);
         // A change is over on the line of the new lane.
         let offset = aim.d - self.lines[aim.lane].as_ref().map_or(0.0, |line| line.at(aim.s).offset);
@@ -176,11 +179,18 @@ impl LaneRoutes {
             };
             return (aim, change);
         }
-        let Some(need) = lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0) else {
-            return (aim, LaneChange::default());
+        let Some(need) = lanes[aim.lane].need(aim.s) else {
+            // Its goal is elsewhere: it drives on with the traffic.
+            let limit = Some(lanes[aim.lane].way.limits.at(aim.s)).filter(|limit| limit.is_finite());
+            let velocity = limit.unwrap_or(request.entry_velocity.max(comfort.cruise_velocity_min));
+            return (aim, LaneChange { velocity: Some(velocity), ..LaneChange::default() });
         };
+        if need.changes == 0 {
+            return (aim, LaneChange::default());
+        }
         let follower = self.follower(request, aim);
-        let gives_up = need.goes_on && follower.is_some();
+        // Once it cannot stop comfortably any more, it does not stop because the vehicle behind has fallen back.
+        let gives_up = need.goes_on && (follower.is_some() || front(aim.s) + way_to_stop > end(&need));
         let waiting = LaneChange { end: if gives_up { f64::INFINITY } else { end(&need) }, ..LaneChange::default() };
         let next = beside.into_iter().flatten().find(|(lane, s)| missing(*lane, *s) < need.changes);
         let there = next.and_then(|(lane, s)| self.in_lane(request, lane, s));
@@ -231,10 +241,14 @@ impl LaneRoutes {
         leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
 
-    /// The vehicle that drives behind the agent in its lane and would be held up soon.
-    fn follower(&self, request: &PlanRequest, aim: Aim) -> Option<Next> {
-        let found = Neighbours::of(request, &self.lanes.lanes[aim.lane], &self.ego(request, aim)).follower;
-        found.filter(|next| next.velocity > 0.0 && next.gap < FOLLOWING_TIME * next.velocity)
+    /// Speed of the vehicle behind the agent in its lane [m/s] that a stop would hold up, or does.
+    fn follower(&self, request: &PlanRequest, aim: Aim) -> Option<f64> {
+        let rear = -0.5 * request.vehicle.length;
+        let behind = intervals(request, &self.lanes.lanes[aim.lane], &self.ego(request, aim))
+            .filter(|other| other.is_traffic && other.middle() < 0.0)
+            .max_by(|a, b| a.front.total_cmp(&b.front))?;
+        let reach = FOLLOWING_TIME * behind.velocity.max(STARTING_SPEED);
+        (rear - behind.front < reach).then_some(behind.velocity.max(0.0))
     }
 
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
@@ -243,14 +257,14 @@ impl LaneRoutes {
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
-    /// that is too small counts for less. It follows the gap, so that it drives as fast as the gap once it is there, and it
-    /// aims further inside than hurry would allow.
+    /// that is too small counts for less. It is the mean speed on the way there, so that the agent keeps pace with the gap
+    /// once it is beside it, and leaves the whole time gap whatever the hurry. `None` if the agent heads across its lane.
     fn seek(
         &self,
         request: &PlanRequest,
         comfort: &Comfort,
         (here, there): (Aim, Aim),
-        (follower, end): (Option<Next>, f64),
+        (follower, end): (Option<f64>, f64),
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
@@ -276,11 +290,11 @@ impl LaneRoutes {
         let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
-        let flow = follower.map_or(0.0, |next| next.velocity.min(wish));
+        let flow = follower.map_or(0.0, |velocity| velocity.min(wish));
         let slowest = (FLOW_SHARE * flow).max(flow.min(FLOW_SPEED_MIN));
         let to_the_left = there.d < 0.0;
         let place = others.iter().filter(|other| !other.is_ahead(to_the_left)).count();
-        let mut best: Option<(f64, f64)> = None;
+        let (mut least, mut best) = (f64::INFINITY, wish);
         for i in 0..=others.len() {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));
             let high = others.get(i).map_or(f64::INFINITY, behind).min(furthest);
@@ -289,11 +303,11 @@ impl LaneRoutes {
             let speed = way / time;
             let passed = i.abs_diff(place) as f64;
             let cost = (speed - wish).abs() + LACK_WEIGHT * lack + PASSING_WEIGHT * passed;
-            if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, speed.max(slowest).clamp(0.0, velocity + step)));
+            if cost < least {
+                (least, best) = (cost, speed.max(slowest).clamp(0.0, velocity + step));
             }
         }
-        best.map(|(_, speed)| speed)
+        Some(best)
     }
 }
 

@@ -14,6 +14,9 @@ use crate::scenario::{Goal, Scenario};
 
 /// Lanes begin at least this far before the start [m], where the road does.
 const LEAD_IN: f64 = 40.0;
+/// On a ring they begin along the bend for this length, in steps [m].
+const RING_LEAD_IN: f64 = 6.0;
+const RING_STEP: f64 = 1.0;
 /// They end this far beyond the goal; without a goal they are this long [m].
 const LANE_EXTENSION: f64 = 150.0;
 const FREE_LENGTH: f64 = 400.0;
@@ -78,7 +81,7 @@ pub(super) struct Need {
     /// Arc length at which the last lane beside it with fewer changes missing ends, wherever the goal is [m]; infinite if
     /// none is missing.
     pub(super) lane_end: f64,
-    /// The lane goes on behind that, elsewhere.
+    /// The lane goes on behind that, and leads elsewhere.
     pub(super) goes_on: bool,
 }
 
@@ -237,6 +240,23 @@ fn chain(road: &RoadNetwork, through: usize, (route, lane): (&[usize], &[usize])
     chain.into()
 }
 
+/// The way to the beginning of a lane: straight, but on a ring along the bend at first, where a vehicle that enters the lane
+/// may still be.
+fn lead_in(road: &RoadNetwork, chain: &[usize]) -> Vec<Point> {
+    let lanelets = road.lanelets();
+    let behind = road.predecessors_straightest_first(chain[0]).first().filter(|before| chain.contains(before));
+    let (lanelet, end, bend) = match behind {
+        Some(&before) => (before, lanelets[before].length, RING_LEAD_IN.min(lanelets[before].length)),
+        None => (chain[0], 0.0, 0.0),
+    };
+    let n = (bend / RING_STEP) as usize;
+    let along = (1..=n).rev().map(|i| lanelets[lanelet].center.at(end - i as f64 * RING_STEP));
+    let from = lanelets[lanelet].center.at(end - n as f64 * RING_STEP);
+    let heading = road.heading_at(lanelet, end - n as f64 * RING_STEP);
+    let start = from - Point::from_angle(heading) * (LEAD_IN - n as f64 * RING_STEP);
+    std::iter::once(start).chain(along).collect()
+}
+
 impl Lane {
     fn new(
         (scenario, rules): (&Scenario, &RulesSettings),
@@ -250,9 +270,8 @@ impl Lane {
         for &lanelet in &chain {
             points.extend_from_slice(lanelets[lanelet].center.points());
         }
-        let (first, last) = (chain[0], chain[chain.len() - 1]);
-        let before = points[0] - Point::from_angle(road.heading_at(first, 0.0)) * LEAD_IN;
-        points.insert(0, before);
+        let last = chain[chain.len() - 1];
+        points.splice(0..0, lead_in(road, &chain));
         let heading = road.heading_at(last, lanelets[last].length);
         points.push(points[points.len() - 1] + Point::from_angle(heading) * STRAIGHT_ON);
         let path = ReferencePath::through(&points)?;
@@ -277,7 +296,8 @@ impl Lane {
                 sides.into_iter().flatten().any(|(beside, same)| same && changes[beside] < pieces[i].changes)
             };
             let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
-            pieces[i].goes_on = pieces[pieces.len() - 1].end > last;
+            pieces[i].goes_on =
+                pieces[pieces.len() - 1].end > last || !lanelets[chain[chain.len() - 1]].successors.is_empty();
             pieces[i].last_chance = last.min(goal_s) - CHANGE_RESERVE;
             pieces[i].lane_end = last;
         }

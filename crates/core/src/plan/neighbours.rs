@@ -37,6 +37,8 @@ pub(super) struct Interval {
     pub(super) front: f64,
     /// Speed along the lane [m/s]; negative if it reverses.
     pub(super) velocity: f64,
+    /// It drives along the lane, now or soon: it is neither parked nor oncoming.
+    pub(super) is_traffic: bool,
 }
 
 impl Interval {
@@ -81,7 +83,8 @@ pub(super) fn intervals(request: &PlanRequest, lane: &Lane, ego: &Ego) -> impl I
         }
         let offset = s - (ego.s + 0.5 * (ego.to_front + ego.to_rear));
         let velocity = other.velocity_along(cos);
-        Some(Interval { rear: offset - half_s, front: offset + half_s, velocity })
+        let is_traffic = !other.is_static && cos > 0.0;
+        Some(Interval { rear: offset - half_s, front: offset + half_s, velocity, is_traffic })
     };
     request.others.iter().filter_map(interval)
 }
