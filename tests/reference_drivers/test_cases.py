@@ -72,6 +72,18 @@ def test_safe_distances_are_broadcast_and_never_negative():
             "a speed must not be negative",
         ),
         (
+            lambda: cut_in("cc", velocity=10.0, other_velocity=1.0, gap=1.0, sideways=1e300),
+            "the sideways speed must be at most 1000",
+        ),
+        (
+            lambda: cut_out("cc", velocity=20.0, front_distance=np.inf, sideways=1.0),
+            "the distance must be at most 1000",
+        ),
+        (
+            lambda: cut_out("cc", velocity=20.0, front_distance=np.nan, sideways=1.0),
+            "the distance must not be negative",
+        ),
+        (
             lambda: cut_in("me", velocity=1.0, other_velocity=1.0, gap=1.0, sideways=1.0),
             "there is no reference driver me",
         ),

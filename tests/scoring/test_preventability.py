@@ -54,7 +54,7 @@ def test_what_stands_behind_the_start_of_the_run_is_hit_by_all():
     assert found.impact_speed["rss"][0] == pytest.approx(15.0), "m/s"
     assert 14.0 < found.impact_speed["cc"][0] < 15.0, "m/s"
     assert "would not have avoided" in found.words[0]
-    assert "would have hit it with 14." in found.words[0]
+    assert "; that driver would have hit 5 with 14." in found.words[0]
 
 
 def test_crossing_traffic_has_no_verdict():
@@ -87,7 +87,8 @@ def test_words_name_the_one_that_left_its_lane_and_drivers_that_differ():
     entered = preventability(driven([Car(5, 40.0, 3.5, velocity=8.0, orientation=-0.2)], lanelets=lanes))
     assert entered.entry == ("partner",)
     assert (
-        "5 came into the agent's way at 0.9 s, 1.2 s before, and it would have hit it with 3.6 m/s" in entered.words[0]
+        "5 came into the agent's way at 0.9 s, 1.2 s before; that driver would have hit 5 with 3.6 m/s"
+        in entered.words[0]
     )
     assert entered.words[0].endswith("; nor would rss or fsm; r157 would have")
 
@@ -136,12 +137,20 @@ def test_a_counterfactual_is_the_same_run_up_to_a_moment_and_then_the_driver_bra
         counterfactual(run, number, "me")
 
 
-def test_a_collision_is_judged_in_less_than_a_fifth_of_a_second():
+def test_a_collision_is_judged_in_milliseconds():
     run = driven([Car(5, 100.0, velocity=8.0)])
     preventability(run)
     begin = time.perf_counter()
     preventability(run)
-    assert time.perf_counter() - begin < 0.2
+    assert time.perf_counter() - begin < 0.02, "s; a tenth of that on a quiet machine"
+
+
+def test_a_run_with_another_driver_takes_a_fifth_of_a_second_at_most():
+    run = driven([Car(5, 100.0, velocity=8.0)])
+    counterfactual(run, 100, trust=True)
+    begin = time.perf_counter()
+    counterfactual(run, 100, trust=True)
+    assert time.perf_counter() - begin < 0.2, "s for two vehicles; 0.01 s on a quiet machine"
 
 
 def test_the_command_prints_the_table_and_stores_it(tmp_path):

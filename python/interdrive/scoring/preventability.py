@@ -379,7 +379,7 @@ def _words(
             f"; braking from {velocity:.1f} m/s to {rest} keeps {found['distance'][row][0]:.1f} m from {whom} at least"
         )
     else:
-        said += f", and it would have hit it with {found['impact_speed'][row][0]:.1f} m/s"
+        said += f"; that driver would have hit {whom} with {found['impact_speed'][row][0]:.1f} m/s"
     others = list(zip(DRIVERS, is_avoided, found["impact_speed"][row], strict=True))[1:]
     same = [name for name, avoids, _ in others if avoids == is_avoided[0]]
     # The impact speed says how far those are off that would have hit it.

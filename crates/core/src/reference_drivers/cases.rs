@@ -101,7 +101,13 @@ pub fn drive_all<C: Sync, E: Send>(
     Ok(cases.par_iter().map(drive).collect())
 }
 
+/// Larger speeds and distances would be driven for ever [m/s], [m].
+const LARGEST: f64 = 1000.0;
+
 fn check(what: &str, value: f64, is_right: bool, must: &str) -> Result<()> {
+    if value > LARGEST {
+        return Err(Error::invalid(format!("{what} must be at most {LARGEST}, is {value}")));
+    }
     if is_right { Ok(()) } else { Err(Error::invalid(format!("{what} must {must}, is {value}"))) }
 }
 
@@ -224,7 +230,8 @@ impl CutOut {
     /// # Errors
     /// `InvalidInput` naming the first that is none.
     pub fn check(&self) -> Result<()> {
-        check("the distance", self.front_distance, self.front_distance >= 0.0, "not be negative")?;
+        let distance = self.front_distance;
+        check("the distance", distance, distance.is_finite() && distance >= 0.0, "not be negative")?;
         check_speeds(self.velocity, &[("the sideways speed", self.sideways)])
     }
 

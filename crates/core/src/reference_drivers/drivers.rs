@@ -135,6 +135,7 @@ impl Driver {
             }
             Self::R157 => {
                 let faster = v - u;
+                // Of a vehicle beside, too, as in JRC's program: its whole grid of cut-ins says so.
                 side <= R157_SIDE && (gap / faster).abs() <= faster / 12.0 + R157_TIME
             }
             Self::Rss => {
