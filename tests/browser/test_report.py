@@ -404,7 +404,7 @@ def test_a_batch_opens_with_its_comparison_and_every_run_a_click_away(page, batc
     assert page.locator("table.wide tbody tr").count() == 2
     assert page.locator(".whisker").count() >= 6
     # Two scenarios prove nothing, whatever their intervals say.
-    assert page.get_by_text("over fewer than 20 scenarios (there are 2) intervals are much too narrow").count() == 1
+    assert page.get_by_text("All differences are over fewer than 10").count() == 1
     assert page.locator(".sure").count() == page.locator(".best").count() == 0
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
     assert page.locator(".distributions .uplot").count() >= 4

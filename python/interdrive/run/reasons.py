@@ -105,7 +105,7 @@ def _missing_change(run: RunRecord, agent: AgentRecord, road: _core.RoadNetwork)
     row = int(np.searchsorted(run.states.participant_id, agent.id))
     columns = np.flatnonzero(run.states.valid[row])
     poses = np.stack([run.states.x[row], run.states.y[row], run.states.orientation[row]], axis=1)[columns]
-    driven = {lanelet for pose in poses.tolist() for lanelet, *_ in road.matching(*pose, 0.0, _ALONG)}
+    driven = {lanelet for x, y, theta in poses.tolist() for lanelet, *_ in road.matching(x, y, theta, 0.0, _ALONG)}
     changes = [
         place
         for place, (here, following) in enumerate(pairwise(route))
