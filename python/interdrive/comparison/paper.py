@@ -41,7 +41,8 @@ class PaperTable:
     """A table with what is needed to repeat it.
 
     Attributes:
-        caption: What the numbers are, of what, and made by what. head: Names of the columns.
+        caption: What the numbers are, of what, and made by what.
+        head: Names of the columns.
         rows: Texts; the first of each is the planner.
     """
 
