@@ -66,6 +66,16 @@ def seen(address: str) -> tuple[int, str]:
     return int(count or 0), through
 
 
+def connect_through(address: str, folder: Path) -> None:
+    """Makes programs on this machine connect through a node, whichever was the last one to start.
+
+    The file of a session, not of the link to the latest: each node that starts takes the link away for a moment.
+    """
+    for written in folder.glob("session_*/node_ip_address.json"):
+        if not written.parent.is_symlink():
+            written.write_text(json.dumps({"node_ip_address": address}))
+
+
 @contextlib.contextmanager
 def started():
     """Two nodes with one CPU each, the second one as if it were on another machine.
@@ -86,13 +96,9 @@ def started():
             assert time.monotonic() < until, "the head did not start"
         here = now[1]
         node = start(f"--address={address}", "--node-ip-address=127.0.0.2")
-        written = Path(folder, "session_latest", "node_ip_address.json")
-        while "127.0.0.2" not in written.read_text():
-            assert time.monotonic() < until, "the second node did not start"
-            time.sleep(0.05)
-        written.write_text(json.dumps({"node_ip_address": here}))
         while (now := seen(address)) != (2, here):
             assert time.monotonic() < until, ("the second node did not start", now)
+            connect_through(here, Path(folder))
         yield Cluster(address, head, node)
     finally:
         for process in (node, head):
