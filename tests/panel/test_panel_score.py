@@ -222,6 +222,33 @@ def test_the_table_has_every_column():
     assert table["forced"].to_pylist() == [None], "nobody can react"
 
 
+def test_a_world_that_fails_without_the_agent_is_told_and_costs_nothing(monkeypatch):
+    def fails(world):
+        raise InputError(f"nobody is left without {world.agent_id}")
+
+    run = drive(road(Car(7, 20.0, velocity=10.0)), "idm", others=[7])
+    monkeypatch.setattr(World, "without_agent", fails)
+    found = idr.score(run, [100], panel=["idm"])
+    assert math.isnan(found.totals[0].hindrance)
+    assert found.score[0] == 1.0
+    assert any(
+        note == "what others lose is not measured: the world without 100 fails (nobody is left without 100)"
+        for note in found.notes
+    ), found.notes
+
+
+def test_a_scenario_that_has_changed_since_the_run_takes_no_panel(tmp_path):
+    file = tmp_path / "moved.xml"
+    file.write_bytes(idr.shipped_scenario("t_junction").read_bytes())
+    saved = idr.simulate(file, agents=[2001], planner="idm", predictor="constant_velocity", threads=1)
+    folder = saved.save(tmp_path / "run")
+    file.write_text(file.read_text().replace('timeStepSize="0.1"', 'timeStepSize="0.2"'))
+    found = idr.load(folder)
+    assert idr.score(found, [2001]).panel == (), "absolute unless a panel is asked for"
+    with pytest.raises(InputError, match="the scenario file is gone or has changed"):
+        idr.score(found, [2001], panel="default")
+
+
 def test_bad_input_is_refused_in_one_line():
     run = drive(road(), "idm")
     with pytest.raises(InputError, match="score: 5 is not an agent of this run"):

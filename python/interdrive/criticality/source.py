@@ -113,13 +113,21 @@ def traffic_of(source: Scenario | RunRecord) -> Traffic:
 
 
 def footprints(run: RunRecord) -> tuple[Shape, ...]:
-    """Footprints of all participants of a run; participants without a recording are rectangles."""
+    """Footprints of all participants of a run; participants without a recording are rectangles.
+
+    So are agents that drive another vehicle than the recorded one (`agents.vehicle_type`).
+    """
     obstacles, states = run.scenario.obstacles, run.states
     recorded = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
-    sizes = zip(states.participant_id.tolist(), states.length.tolist(), states.width.tolist(), strict=True)
-    return tuple(
-        recorded.get(number) or Shape("rectangle", length=length, width=width) for number, length, width in sizes
-    )
+    agents = set(run.outcomes.agent_id.tolist())
+    found = []
+    for number, *size in zip(
+        states.participant_id.tolist(), states.length.tolist(), states.width.tolist(), strict=True
+    ):
+        shape = recorded.get(number)
+        is_own = shape is not None and (number not in agents or list(core_shape(shape).extent) == size)
+        found.append(shape if shape is not None and is_own else Shape("rectangle", length=size[0], width=size[1]))
+    return tuple(found)
 
 
 def connectors_of(scenario: Scenario) -> list[tuple[int, int]]:

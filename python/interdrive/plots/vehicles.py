@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.scenario import Shape
+from interdrive.criticality.source import footprints
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
     from interdrive.plots.view import View
     from interdrive.run import AgentRecord, RunRecord
+    from interdrive.scenario import Shape
 
 
 def outlines(shape: Shape) -> list[Floats]:
@@ -31,13 +32,7 @@ def outlines(shape: Shape) -> list[Floats]:
 
 def body_outlines(run: RunRecord) -> list[list[Floats]]:
     """Outlines in the body frame, one list per row of `run.states`; agents without a recording are rectangles."""
-    obstacles = run.scenario.obstacles
-    shapes = dict(zip(obstacles.ids.tolist(), obstacles.shapes, strict=True))
-    states = run.states
-    return [
-        outlines(shapes.get(number, Shape("rectangle", length=float(length), width=float(width))))
-        for number, length, width in zip(states.participant_id.tolist(), states.length, states.width, strict=True)
-    ]
+    return [outlines(shape) for shape in footprints(run)]
 
 
 def heading_mark(length: float, width: float) -> Floats:
