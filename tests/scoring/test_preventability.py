@@ -137,6 +137,25 @@ def test_a_counterfactual_is_the_same_run_up_to_a_moment_and_then_the_driver_bra
         counterfactual(run, number, "me")
 
 
+def test_a_counterfactual_of_a_collision_ends_three_seconds_after_it_as_verdicts_do():
+    run = driven([Car(5, 100.0, velocity=8.0)])
+    found, contact = preventability(run), int(run.outcomes.time_step[0])
+    judged = counterfactual(run, 100, trust=True)
+    assert judged.states.x.shape[1] == contact + 30 + 1, "steps of 0.1 s, and the first states"
+    assert judged.outcomes.outcome == ("running",)
+    assert not judged.finished
+    start = int(found.from_time_step[0])
+    assert judged.notes[0] == (
+        f"from {start / 10:.1f} s on the reference driver cc drives agent 100; the run was watched until "
+        f"{(contact + 30) / 10:.1f} s"
+    )
+    whole = counterfactual(run, 100, until=1_000_000, trust=True)
+    assert whole.finished
+    assert np.array_equal(judged.states.x, whole.states.x[:, : contact + 31], equal_nan=True)
+    with pytest.raises(idr.InputError, match=f"until must be after time step {start}, is {start}"):
+        counterfactual(run, 100, until=start, trust=True)
+
+
 def test_a_collision_is_judged_in_milliseconds():
     run = driven([Car(5, 100.0, velocity=8.0)])
     preventability(run)

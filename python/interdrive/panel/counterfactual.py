@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,9 @@ from interdrive.config.binding import bind
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError
 from interdrive.reference_drivers import DRIVERS
+from interdrive.run.goals import said_seconds
 from interdrive.scoring import preventability
+from interdrive.scoring.preventability import AFTERWARDS
 from interdrive.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -20,7 +23,14 @@ if TYPE_CHECKING:
 
 
 def counterfactual(
-    run: Run, agent_id: int, driver: str = "cc", *, at: int | None = None, trust: bool = False, threads: int | None = 1
+    run: Run,
+    agent_id: int,
+    driver: str = "cc",
+    *,
+    at: int | None = None,
+    until: int | None = None,
+    trust: bool = False,
+    threads: int | None = None,
 ) -> Run:
     """Repeats a run up to a time step, and goes on with a reference driver in the place of an agent.
 
@@ -32,19 +42,25 @@ def counterfactual(
         driver: One of `interdrive.reference_drivers.DRIVERS`.
         at: Time step from which the driver plans; None: that at which the partner of the agent's collision came into
             its way.
+        until: Time step at which it ends if agents still drive then; None: 3 s after the agent's collision, which is as
+            long as `preventability` looks, or with `at` when all agents have ended.
         trust: Import planners and predictors that the run names as module:object.
-        threads: Number of planning threads; results do not depend on it.
+        threads: Number of planning threads; None: the number of cores. Results do not depend on it.
 
     Returns:
-        The new run; its records name the planner with which the agent began, and it is not repeatable (`verify`).
+        The new run; its records name the planner with which the agent began, a note says who took over when, and it is not
+        repeatable (`verify`).
 
     Raises:
         InputError: There is no such agent or driver, it has no collision to start from, `at` is not a time step of the
-            run, or the run does not say how to repeat it.
+            run or not before `until`, or the run does not say how to repeat it.
     """
     if driver not in DRIVERS:
         raise InputError(f"there is no reference driver {driver}; there are {', '.join(DRIVERS)}")
-    start = _taken_over(run, agent_id) if at is None else at
+    start, end = _watched(run, agent_id) if at is None else (at, None)
+    end = end if until is None else until
+    if end is not None and end <= start:
+        raise InputError(f"counterfactual: until must be after time step {start}, is {end}")
     if agent_id not in run.outcomes.agent_id.tolist():
         raise InputError(f"counterfactual: {agent_id} is not an agent of this run")
     wanted: Mapping[str, Any] = run.settings
@@ -70,15 +86,22 @@ def counterfactual(
     if simulation.time_step != start:
         raise InputError(f"counterfactual: time step {start} is not one of the run")
     simulation.world.replace_driver(agent_id, driver)
+    while not simulation.is_done and (end is None or simulation.time_step < end):
+        simulation.step()
+    found, dt = simulation.record(), run.scenario.dt
+    said = f"from {said_seconds(start, dt)} s on the reference driver {driver} drives agent {agent_id}"
+    if not found.finished:
+        said += f"; the run was watched until {said_seconds(simulation.time_step, dt)} s"
     # No settings name a driver that takes over, so nothing could repeat the run.
-    found = simulation.run()
-    return replace(found, settings={**found.settings, "repeatable": False})
+    return replace(found, notes=(said, *found.notes), settings={**found.settings, "repeatable": False})
 
 
-def _taken_over(run: Run, agent_id: int) -> int:
+def _watched(run: Run, agent_id: int) -> tuple[int, int]:
+    """Time steps at which a driver takes over, and until which a contact counts as that of the agent's collision."""
     found = preventability(run, [agent_id])
     if "collision" not in found.kind:
         raise InputError(
             f"counterfactual: agent {agent_id} has no collision with another participant; give a time step"
         )
-    return int(found.from_time_step[found.kind.index("collision")])
+    row = found.kind.index("collision")
+    return int(found.from_time_step[row]), int(found.time_step[row]) + math.ceil(AFTERWARDS / run.scenario.dt - 1e-9)

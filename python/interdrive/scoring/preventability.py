@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from interdrive.run import RunRecord
     from interdrive.storage import ArrowTable
 
+#: Drivers are followed for this long after the contact [s].
+AFTERWARDS = 3.0
+
 _PEOPLE = ("pedestrian",)
 
 #: Why there is no verdict, in words; {} is the partner.
