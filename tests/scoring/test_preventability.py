@@ -82,7 +82,7 @@ def test_words_name_the_one_that_left_its_lane_and_drivers_that_differ():
     lanes = straight_road(400.0, lanes=2)
     steered = preventability(driven([Car(5, 24.0, 3.5, velocity=14.9)], lanelets=lanes, orientation=0.05))
     assert steered.entry == ("agent",)
-    assert "the agent left its lane into the way of 5 at 2.2 s, 0.05 s before" in steered.words[0]
+    assert "the agent left its lane into the way of 5 at 2.0 s, 0.2 s before" in steered.words[0]
     assert steered.words[0].endswith("; nor would r157, rss or fsm")
     entered = preventability(driven([Car(5, 40.0, 3.5, velocity=8.0, orientation=-0.2)], lanelets=lanes))
     assert entered.entry == ("partner",)

@@ -48,8 +48,8 @@ def counterfactual(
         threads: Number of planning threads; None: the number of cores. Results do not depend on it.
 
     Returns:
-        The new run; its records name the planner with which the agent began, a note says who took over when, and it is not
-        repeatable (`verify`).
+        The new run; its records name the planner with which the agent began, a note says who took over when, and it is
+        not repeatable (`verify`).
 
     Raises:
         InputError: There is no such agent or driver, it has no collision to start from, `at` is not a time step of the

@@ -18,6 +18,9 @@ const AFTERWARDS: f64 = 3.0;
 const STEP_MAX: f64 = 0.1;
 /// An agent that came near another one without a contact would have gone on for so long [s].
 const ONWARDS: f64 = 1.0;
+/// The way to a contact goes on for this much beyond it [m]: footprints touch there, so that rounding would decide whether
+/// what stands is in the way.
+const TOUCHING: f64 = 0.001;
 
 /// What is judged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,8 +101,12 @@ impl Entry {
             return Self::Ahead;
         }
         let road = pair.road();
-        let leaves =
-            |track: &Track<'_>| track.poses[from..].iter().any(|pose| !is_within_one_lane(road, track.shape, *pose));
+        // A vehicle that is over a border all along, as wide ones and recorded ones in narrow lanes are, leaves nothing.
+        let leaves = |track: &Track<'_>| {
+            let is_within = |pose: &Pose| is_within_one_lane(road, track.shape, *pose);
+            let over = track.poses[from..].iter().rposition(|pose| !is_within(pose));
+            over.is_some_and(|over| track.poses[..from + over].iter().rev().any(is_within))
+        };
         match (leaves(&pair.agent), leaves(&pair.other)) {
             (true, false) => Self::Agent,
             (false, true) => Self::Partner,
@@ -205,11 +212,9 @@ struct Way {
 impl Way {
     fn of(agent: &Track<'_>, is_contact: bool) -> Self {
         let mut poses = agent.poses.clone();
-        if !is_contact {
-            let end = agent.contact();
-            let onwards = Point::from_angle(end.orientation) * (agent.speed().max(0.0) * ONWARDS);
-            poses.push(Pose { position: end.position + onwards, ..end });
-        }
+        let end = agent.contact();
+        let onwards = if is_contact { TOUCHING } else { agent.speed().max(0.0) * ONWARDS };
+        poses.push(Pose { position: end.position + Point::from_angle(end.orientation) * onwards, ..end });
         let mut driven = vec![0.0];
         for pair in poses.windows(2) {
             driven.push(driven[driven.len() - 1] + pair[0].position.distance(pair[1].position));
@@ -464,6 +469,35 @@ mod tests {
             [(15.0 * time, 0.0, 15.0), (34.4 + 10.0 * time, 0.0, 10.0)]
         });
         assert_eq!((verdict(&ahead, 60).entry, verdict(&ahead, 60).from), (Entry::Ahead, 0));
+    }
+
+    #[test]
+    fn a_vehicle_that_drives_over_a_border_all_along_has_not_left_its_lane() {
+        let border = 1.75;
+        // The flanks of both are 1.8 m apart at the end, so that they touch.
+        let towards = |step: usize| 0.06 * step as f64;
+        let entry = |aside: &dyn Fn(usize) -> [f64; 2]| verdict(&side_by_side(aside, 2.0), 30).entry;
+        // Within its own lane the agent comes as near as its lane allows to a vehicle over the border.
+        let within = entry(&|step| [-0.8 + 0.5 * towards(step), border + 0.6]);
+        assert_eq!(within, Entry::Both);
+        // It leaves its lane towards that vehicle, ...
+        assert_eq!(entry(&|step| [towards(step), border + 1.0]), Entry::Agent);
+        // ... or is over the border itself, and the other leaves its lane.
+        assert_eq!(entry(&|step| [border - 0.4, 3.5 - towards(step)]), Entry::Partner);
+        // One that begins over the border, keeps to its lane for a while, and comes back has left it.
+        let returns = |step: usize| if step < 5 { 2.0 } else { 3.5 - 0.11 * step.saturating_sub(12) as f64 };
+        assert_eq!(entry(&|step| [0.0, returns(step)]), Entry::Partner);
+    }
+
+    #[test]
+    fn what_stands_in_the_way_is_ahead_from_the_first_step_whatever_rounding_leaves_of_the_contact() {
+        for row in 0..40 {
+            let (velocity, gap) = (10.0 + 0.37 * f64::from(row), 11.3 + 0.61 * f64::from(row));
+            let steps = (gap / velocity / DT) as usize + 2;
+            let at = |step: usize| [(velocity * step as f64 * DT, 0.0, velocity), (gap + 4.5, 0.3, 0.0)];
+            let found = verdict(&traffic(steps, at), steps as i64 - 1);
+            assert_eq!((found.from, found.entry), (0, Entry::Ahead), "{velocity} m/s, {gap} m");
+        }
     }
 
     #[test]
