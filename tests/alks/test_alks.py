@@ -242,7 +242,7 @@ def test_where_a_planner_fails_nothing_is_avoided_in_boundaries_and_figures(file
     failing = replace(avoided, crash=np.zeros(5, dtype=bool), failed=np.ones(5, dtype=bool))
     assert [row["gap"] for row in boundary(failing)] == [np.inf]
     ((_, figure),) = case_figures(failing)
-    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels[0] == "fsm fails"
 
 

@@ -145,6 +145,14 @@ def test_somebody_hit_from_behind_is_judged_as_if_it_stood_from_then_on():
     assert "hit by 7 at 4.5 s, not its fault: counts as standing from then on" in found.why(100)
 
 
+def test_what_stands_is_not_said_to_have_hit_the_agent():
+    # 7.5 m ahead at 12 m/s there is no room to brake, so that it is no fault.
+    found = idr.score(drive(road(Car(7, 92.0)), Constant), panel="none")
+    assert "fault" not in found.facts[0].gates
+    assert "ran into 7, which stood, at " in found.why(100)
+    assert "hit by" not in found.why(100)
+
+
 def test_a_broken_planner_gets_nothing():
     found = idr.score(drive(road(), Broken), panel="default")
     assert found.score[0] == 0.0

@@ -90,6 +90,14 @@ def test_safe_distances_are_broadcast_and_never_negative():
         (lambda: cut_in("cc", velocity=[1, 2], other_velocity=[1, 2, 3], gap=1, sideways=1), "do not fit"),
         (lambda: cut_out("r157", velocity=1.0, front_distance=1.0, sideways=1.0), "r157 is defined for cut-ins"),
         (lambda: car_following("cc", velocity=[9.0, 9.0], deceleration=[1.0, 0.0]), "case 1: the deceleration must be"),
+        (lambda: rss.same_direction(10.0, -1.0), "front: a speed must not be negative, is -1"),
+        (lambda: rss.opposite_direction([5.0, np.nan], 1.0), "in_lane: a speed must be finite, is nan"),
+        (lambda: rss.lateral(0.0, np.inf), "right: a speed must be finite, is inf"),
+        (lambda: rss.same_direction([1.0, 2.0], [1.0, 2.0, 3.0]), "rear and front: no speeds that fit each other"),
+        (lambda: rss.lateral("fast", 0.0), "left and right: no speeds that fit each other"),
+        (lambda: rss.RssParameters(braking_min=0.0), "RssParameters: braking_min must be positive, is 0.0"),
+        (lambda: rss.RssParameters(response=-0.1), "RssParameters: response must be not negative, is -0.1"),
+        (lambda: rss.RssParameters(fluctuation="wide"), "RssParameters: fluctuation must be not negative, is 'wide'"),
     ],
 )
 def test_numbers_that_are_no_case_are_refused_in_one_line(call, words):

@@ -177,6 +177,10 @@ def test_the_command_prints_the_table_and_stores_it(tmp_path):
     driven([Car(5, 100.0, velocity=8.0)]).save(folder)
     for arguments, words in (
         (["preventability", str(folder)], "1 collision: a careful and competent driver avoids 1 and hits in 0"),
+        (
+            ["preventability", str(folder)],
+            "agent 100 with 5: a careful and competent driver (UN R157) would have avoided",
+        ),
         (["preventability", str(folder), "--csv"], "100,5,collision,"),
         (["explain", str(folder), "100"], "would have avoided this collision"),
         (["score", str(folder)], "agent 100: a careful and competent driver (UN R157) would have avoided"),

@@ -27,6 +27,8 @@ CLASSES = {
 }
 _LINES = {"r157": "#009E73", "rss": "#CC79A7", "fsm": "#56B4E9"}
 _OWN = "#000000"
+#: What is said of `cc` itself.
+_ALONE = {"neither hits": "cc does not hit", "both hit": "cc hits"}
 #: By manoeuvre what is drawn over what, and of which numbers there is a figure each.
 _AXES = {
     "cut_in": ("gap", "sideways", ("velocity", "other_velocity")),
@@ -68,7 +70,7 @@ def case_figures(found: Verdicts, bounds: Sequence[dict[str, float]] = ()) -> It
         of = np.ones(len(grid), dtype=np.bool_)
         for name, value in chosen.items():
             of &= np.abs(grid.cases[name] - value) < _SAME
-        figure = Figure(figsize=(4.2, 3.2), layout="constrained")
+        figure = Figure(figsize=(4.2, 3.8), layout="constrained")
         axes = figure.add_subplot()
         _scatter(axes, found, of, cc)
         for name, (rows, color) in lines.items():
@@ -80,7 +82,8 @@ def case_figures(found: Verdicts, bounds: Sequence[dict[str, float]] = ()) -> It
         axes.set_ylabel(_LABELS[along])
         speeds = [f"{3.6 * value:.0f} km/h" for value in key]
         axes.set_title(" behind ".join(speeds) or "leaders that brake", fontsize=9)
-        axes.legend(fontsize=6, loc="upper right")
+        # Below the axes: points fill all of them.
+        figure.legend(fontsize=7, loc="outside lower center", ncols=3, frameon=False)
         yield "_".join([grid.manoeuvre, *(f"{3.6 * value:g}" for value in key)]).replace(".", "p"), figure
 
 
@@ -95,6 +98,7 @@ def _scatter(axes: Axes, found: Verdicts, of: Bools, cc: Bools) -> None:
     for code, label in enumerate(labels):
         here = of & (classes == code)
         if here.any():
-            said = "cc hits" if found.driver == "cc" and label == "both hit" else label.format(found.driver)
+            said = label.format(found.driver)
+            said = _ALONE.get(said, said) if found.driver == "cc" else said
             x, y = found.grid.cases[over][here], found.grid.cases[along][here]
             axes.scatter(x, y, s=9, c=CLASSES[label], label=said, linewidths=0)

@@ -128,13 +128,17 @@ def _print(rows: Sequence[dict[str, Any]], about: list[str], *, as_csv: bool) ->
         return
     chosen = [row for row in rows if row["preventable_cc"] is True] if len(rows) > _ROWS_MAX else list(rows)
     numbers = ("agent", "with", "time step")
-    table = table_of((*about, "what", *numbers, *DRIVERS, "words"), right=("seed", *numbers))
+    table = table_of((*about, "what", *numbers, *DRIVERS), right=("seed", *numbers))
     for row in chosen[:_ROWS_MAX]:
         verdicts = (_CELLS[row[f"preventable_{driver}"]] for driver in DRIVERS)
         named, ids = ([str(row[name]) for name in names] for names in (about, ("agent_id", "partner_id", "time_step")))
-        table.add_row(*named, row["kind"].replace("_", " "), *ids, *verdicts, row["words"])
+        table.add_row(*named, row["kind"].replace("_", " "), *ids, *verdicts)
     if table.row_count:
         print_table(output(), table, 1)
+    # Below the table, as sentences in a narrow column are hard to read.
+    for row in chosen[:_ROWS_MAX]:
+        where = ", ".join(str(row[name]) for name in about[:3]) + ", " if len(about) > 1 else ""
+        print_text(f"{where}agent {row['agent_id']} with {row['partner_id']}: {row['words']}")
     hidden = len(rows) - table.row_count
     if hidden:
         print_text(f"{hidden} more with --csv")

@@ -209,8 +209,18 @@ class _Drive:
             cut_off_from=cut_off_from,
             free=self._free_flow(float(s[0])),
             hits=self._hits(),
-            hit=f"hit by {self.partner} at {self._when(int(self.columns[-1]))} s" if was_hit else "",
+            hit=self._hit_words() if was_hit else "",
         )
+
+    def _hit_words(self) -> str:
+        """What a collision without fault was: who stood has hit nothing."""
+        states, column = self.run.states, int(self.columns[-1])
+        row = int(np.searchsorted(states.participant_id, self.partner))
+        before = float(states.velocity[row, max(column - 1, 0)])
+        when = self._when(column)
+        if abs(before) <= _core.STANDSTILL_SPEED:
+            return f"ran into {self.partner}, which stood, at {when} s"
+        return f"hit by {self.partner} at {when} s"
 
     def _when(self, column: int) -> str:
         return said_seconds(column + self.run.states.first_time_step, self.dt)
