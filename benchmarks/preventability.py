@@ -1,23 +1,31 @@
 """Collisions and near misses of the native planners, and what reference drivers would have avoided of them.
 
-python benchmarks/preventability.py FOLDER ... [--every 1] [--agents 10] [--planners cc,idm,...] [--out DIR]
+python benchmarks/preventability.py FOLDER ... [--every 1] [--agents 10] [--planners cc,idm,...] [--traffic PLANNER]
+    [--set SET --split PART] [--out DIR]
 
-FOLDER holds CommonRoad files, at any depth. Prints the table of docs/research/preventability.md, then each collision
-that a careful and competent driver would not have avoided, with its fault. DIR gets conflicts.csv, a row per collision
-and near miss, and the folder of each run (`interdrive report` draws it); what is there already is not driven again.
+FOLDER holds CommonRoad files, at any depth; with --set only those of a part of a benchmark set count. With --traffic
+each agent is driven alone, while all others that can be agents have that planner. Prints the table of
+docs/research/preventability.md, then each collision that a careful and competent driver would not have avoided, with
+its fault. DIR gets conflicts.csv, a row per collision and near miss, and without --traffic the folder of each run
+(`interdrive report` draws it); what is there already is not driven again.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import sys
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import interdrive as idr
+from interdrive.benchmarks.sets import read_set
 from interdrive.reference_drivers import DRIVERS
 from interdrive.scoring import preventability, score
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 PLANNERS = "rollout,frenet,idm,idm_mobil,lawful,velocity_adjusting,cc,r157,rss,fsm"
 
@@ -38,19 +46,48 @@ def driven(path: Path, planner: str, agents: int, out: Path | None) -> Any:  # n
     return None
 
 
-def conflicts(path: Path, planner: str, agents: int, out: Path | None) -> tuple[int, list[dict[str, Any]]]:
+def alone(path: Path, planner: str, agents: int, traffic: str) -> Iterator[tuple[Any, int]]:
+    """Runs of a file in each of which one agent has the planner, and the agent."""
+    every = idr.Simulation(path, agents="all", threads=1)
+    known = [agent.id for agent in every.agents]
+    chosen = idr.Simulation(path, agents=min(agents, len(known)), seed=1, threads=1)
+    recorded = set(every.scenario.obstacles.ids.tolist())
+    for agent in chosen.agents:
+        others = [number for number in known if number != agent.id and number in recorded]
+        run = idr.simulate(
+            path,
+            agents=[agent.id, *others],
+            planner={agent.id: planner, "default": traffic},
+            predictor="lane_following",
+            threads=1,
+        )
+        yield run, agent.id
+
+
+def conflicts(path: Path, planner: str, options: argparse.Namespace) -> tuple[int, list[dict[str, Any]]]:
     """Number of agents of a file, and a row per conflict: what happened, each verdict, and the fault by blame."""
-    run = driven(path, planner, agents, out)
-    if run is None:
-        return 0, []
-    rows = preventability(run).to_arrow().to_pylist()
+    if options.traffic is None:
+        run = driven(path, planner, options.agents, options.out)
+        return (0, []) if run is None else (len(run.agents), judged(run, None, path, planner))
+    agents, rows = 0, list[dict[str, Any]]()
+    try:
+        for run, number in alone(path, planner, options.agents, options.traffic):
+            agents, rows = agents + 1, rows + judged(run, [number], path, planner)
+    except idr.InputError as error:
+        print(f"{path.stem}, {planner}: {error}", file=sys.stderr)
+    return agents, rows
+
+
+def judged(run: Any, ids: list[int] | None, path: Path, planner: str) -> list[dict[str, Any]]:  # noqa: ANN401 - a run
+    """A row per conflict of the agents, or of all."""
+    rows: list[dict[str, Any]] = preventability(run, ids).to_arrow().to_pylist()
     collided = [row["agent_id"] for row in rows if row["kind"] == "collision"]
-    judged = score(run, collided) if collided else None
-    faults = {} if judged is None else dict(zip(judged.ids.tolist(), judged.fault_kind, strict=True))
+    scores = score(run, collided) if collided else None
+    faults = {} if scores is None else dict(zip(scores.ids.tolist(), scores.fault_kind, strict=True))
     for row in rows:
         fault = faults.get(row["agent_id"], "") if row["kind"] == "collision" else ""
         row.update(scenario=path.stem, planner=planner, fault_kind=fault)
-    return len(run.agents), rows
+    return rows
 
 
 def table_row(planner: str, agents: int, rows: list[dict[str, Any]]) -> str:
@@ -75,9 +112,17 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="take every n-th file")
     parser.add_argument("--agents", type=int, default=10, help="at most so many agents per file")
     parser.add_argument("--planners", default=PLANNERS)
+    parser.add_argument("--traffic", metavar="PLANNER", help="each agent alone, the others with this planner")
+    parser.add_argument("--set", metavar="SET", help="only files of this benchmark set")
+    parser.add_argument("--split", metavar="PART", default="test", help="its part: test, dev or all (test)")
     parser.add_argument("--out", type=Path, help="folder for conflicts.csv and runs with collisions")
     options = parser.parse_args()
-    files = sorted(path for folder in options.folders for path in folder.rglob("*.xml"))[:: options.every]
+    files = sorted(path for folder in options.folders for path in folder.rglob("*.xml"))
+    if options.set is not None:
+        part = read_set(options.set).of_split(options.split)
+        here = {path.stem: path for path in files}
+        files = [here[file.name] for file in part if file.name in here]
+    files = files[:: options.every]
     print(f"{len(files)} files, at most {options.agents} agents each; those without any are left out\n")
     print(
         "| planner | agents | collisions | at fault | no verdict | avoided by cc, r157, rss, fsm "
@@ -86,9 +131,9 @@ def main() -> None:
     print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
     rows: list[dict[str, Any]] = []
     for planner in options.planners.split(","):
-        agents, found = 0, []
+        agents, found = 0, list[dict[str, Any]]()
         for path in files:
-            n, more = conflicts(path, planner, options.agents, options.out)
+            n, more = conflicts(path, planner, options)
             agents, found = agents + n, found + more
         print(table_row(planner, agents, found), flush=True)
         rows += found
