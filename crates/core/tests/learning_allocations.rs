@@ -89,7 +89,7 @@ fn taken(stage: &Arc<Stage>, learners: usize, threads: usize, observation: Obser
     let first = (stage.ids().count() - learners..stage.ids().count()).collect::<Vec<_>>();
     let refill = |worlds: &mut Worlds| {
         for world in worlds.hungry() {
-            let spec = EpisodeSpec { stage: 0, first_time_step: 0, learners: first.clone() };
+            let spec = EpisodeSpec { learners: first.clone(), ..EpisodeSpec::default() };
             worlds.queue(world, spec).expect("an episode");
         }
     };

@@ -299,9 +299,18 @@ impl PyWorlds {
         Ok(())
     }
 
-    /// Queues the next episode of a world.
-    fn queue(&mut self, world: usize, stage: usize, first_time_step: i64, learners: Vec<usize>) -> PyResult<()> {
-        self.worlds.queue(world, EpisodeSpec { stage, first_time_step, learners }).map_err(exception)
+    /// Queues the next episode of a world; `planners` are those of its own, with the positions that they drive.
+    #[pyo3(signature = (world, stage, first_time_step, learners, planners=Vec::new()))]
+    fn queue(
+        &mut self,
+        world: usize,
+        stage: usize,
+        first_time_step: i64,
+        learners: Vec<usize>,
+        planners: Vec<(usize, PyRef<'_, PyPlanner>)>,
+    ) -> PyResult<()> {
+        let planners = planners.into_iter().map(|(position, planner)| (position, planner.0.clone())).collect();
+        self.worlds.queue(world, EpisodeSpec { stage, first_time_step, learners, planners }).map_err(exception)
     }
 
     /// Begins the queued episodes of the worlds for which it is true.

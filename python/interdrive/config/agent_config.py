@@ -165,12 +165,9 @@ def agent_configs(
     found: dict[int, AgentConfig] = {}
     notes = []
     for agent in agents:
-        choice = own.get(agent.id, config.default)
-        if agent.id not in own and choice.planner.native in RECORDED_PATH and agent.id not in recorded:
-            notes.append(
-                f"agent {agent.id} has no recording for planner {choice.planner.name}: {DEFAULT_PLANNER} drives it"
-            )
-            choice = replace(choice, planner=read_planner(DEFAULT_PLANNER, settings.planner).planner)
+        choice, wanted = _choice(config, own, agent, recorded)
+        if wanted:
+            notes.append(f"agent {agent.id} has no recording for planner {wanted}: {DEFAULT_PLANNER} drives it")
         try:
             view = _record("view", settings.view, looks.get(agent.id, looks.get(DEFAULT, {})))
             kept = _record("rules", settings.rules, obeyed.get(agent.id, obeyed.get(DEFAULT, {})))
@@ -181,6 +178,28 @@ def agent_configs(
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
+
+
+def drawn_planners(
+    config: RunConfig, agents: Sequence[Agent], recorded: Container[int], seed: int
+) -> dict[int, Resolved]:
+    """Planners of the agents that draw drivers, as `agent_configs` has them for a seed."""
+    own = _by_id(config.own, agents, "a planner")
+    if config.default.drivers is None and all(choice.drivers is None for choice in own.values()):
+        return {}
+    choices = ((agent, _choice(config, own, agent, recorded)[0]) for agent in agents)
+    return {agent.id: _drawn(choice, agent, seed) for agent, choice in choices if choice.drivers is not None}
+
+
+def _choice(
+    config: RunConfig, own: Mapping[object, AgentChoice], agent: Agent, recorded: Container[int]
+) -> tuple[AgentChoice, str]:
+    """The choice for an agent, and the planner of all agents if it needs a recording that the agent does not have."""
+    choice = own.get(agent.id, config.default)
+    if agent.id in own or choice.planner.native not in RECORDED_PATH or agent.id in recorded:
+        return choice, ""
+    planner = read_planner(DEFAULT_PLANNER, config.settings.planner).planner
+    return replace(choice, planner=planner), choice.planner.name
 
 
 def _drawn(choice: AgentChoice, agent: Agent, seed: int) -> Resolved:

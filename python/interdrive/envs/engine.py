@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 #: Most worlds of an environment, and most rows of a world.
 COUNT_MAX = 1_000_000
+#: Seeds of drivers are below this.
+_SEEDS = 2**32
 #: Memory that a world needs per participant, of which states and plans are kept [bytes]; 6.5 kB measured in `town`.
 _PARTICIPANT_SIZE = 8_000
 
@@ -252,13 +254,22 @@ class Engine:
         number = min(self.slots, wanted if isinstance(wanted, int) else n)
         order = rng.permutation(n)
         learners = tuple(sorted(start.eligible[i] for i in order[:number].tolist()))
-        self.put(world, Episode(index, start.time_step, learners))
+        # Without drivers nothing more is drawn.
+        seed = int(rng.integers(_SEEDS)) if stage.has_drivers else 0
+        self.put(world, Episode(index, start.time_step, learners, seed))
 
     def put(self, world: int, episode: Episode | None) -> None:
         """Makes an episode the next one of a world."""
         self.queued[world] = episode
         if episode is not None:
-            self.worlds.queue(world, episode.stage, episode.time_step, list(episode.learners))
+            own = self.stages[episode.stage].drawn(episode.seed)
+            self.worlds.queue(world, episode.stage, episode.time_step, list(episode.learners), own)
+
+    def _redraw(self) -> None:
+        """Gives queued episodes the planners of other traffic."""
+        for world, episode in enumerate(self.queued):
+            if episode is not None and episode.stage < len(self.stages):
+                self.put(world, episode)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Engine:
         """A copy of worlds, arrays and generators; scenarios are shared, being read-only."""
@@ -334,7 +345,10 @@ class Engine:
         if "traffic" in changes:
             stages = stages_of(setup)
             self.worlds.set_stages([stage.core for stage in stages])
+            had_drivers = any(stage.has_drivers for stage in self.stages)
             self.stages = stages
+            if had_drivers or any(stage.has_drivers for stage in stages):
+                self._redraw()
         self.worlds.set_rewards(setup.settings.reward)
         self.setup = setup
         self.history.update(dict(changes))

@@ -28,11 +28,13 @@ class Episode:
         stage: Position of its scenario.
         time_step: Its first time step.
         learners: Positions of its learners.
+        seed: Of what drivers of others draw; 0 if no planner has drivers.
     """
 
     stage: int
     time_step: int
     learners: tuple[int, ...]
+    seed: int = 0
 
 
 class Repeatable(Protocol):

@@ -57,7 +57,7 @@ def _run_of(engine: Engine) -> Run:
         "rules": {},
         "predictor": str(engine.setup.predictor),
         "repeatable": False,
-        "seed": 0,
+        "seed": episode.seed,
         "threads": 1,
         "settings": flatten(engine.setup.settings.simulation),
     }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
-from interdrive.config.agent_config import agent_configs, core_agent, run_config
+from interdrive.config.agent_config import agent_configs, core_agent, drawn_planners, run_config
 from interdrive.envs.actions import FrenetWeights
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
@@ -23,6 +23,7 @@ from interdrive.scenario.native import core_road, core_scenario
 
 if TYPE_CHECKING:
     from interdrive.config.agent_config import AgentConfig, PlannersSpec, RunConfig
+    from interdrive.config.specs import Resolved
     from interdrive.envs.settings import EnvSettings, Setup
     from interdrive.scenario.agents import Agent
 
@@ -58,6 +59,9 @@ class Stage:
         core: The core's handle.
         recorded: The core's handle of the scenario.
         starts: Where episodes may begin.
+        config: Planners of agents that do not learn.
+        reverse: Traffic may back out.
+        has_drivers: Agents that do not learn draw drivers, anew for every episode.
     """
 
     scenario: Scenario
@@ -67,6 +71,17 @@ class Stage:
     core: _core.Stage
     recorded: _core.Scenario
     starts: tuple[Start, ...]
+    config: RunConfig
+    reverse: bool
+    has_drivers: bool
+
+    def drawn(self, seed: int) -> list[tuple[int, _core.Planner]]:
+        """Planners of the agents that draw drivers, with their positions, for the seed of an episode."""
+        if not self.has_drivers:
+            return []
+        own = drawn_planners(self.config, self.agents, set(self.scenario.obstacles.ids.tolist()), seed)
+        rows = ((place, own[agent.id]) for place, agent in enumerate(self.agents) if agent.id in own)
+        return [(place, _native(planner, reverse=self.reverse)) for place, planner in rows]
 
 
 def stages_of(setup: Setup) -> list[Stage]:
@@ -112,9 +127,7 @@ def _with_at_least(stage: Stage, least: int) -> Stage:
 
 
 def _with_starts(stage: Stage, starts: Sequence[Start]) -> Stage:
-    return Stage(
-        stage.scenario, stage.road, stage.agents, stage.configs, stage.core, stage.recorded, starts=tuple(starts)
-    )
+    return replace(stage, starts=tuple(starts))
 
 
 def _with_ids(stage: Stage, ids: list[int]) -> Stage:
@@ -205,19 +218,36 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     handles, planners = [], []
     for agent in agents:
         own = configs[agent.id]
-        planner = own.planner.make()
-        if isinstance(planner, Rollout) and not setup.settings.reverse:
-            planner = replace(planner, reverse=False)
-        native = native_planner(planner)
-        if native is None:
-            raise InputError("traffic", f"{own.planner.name} is not a native planner")
+        native = _native(own.planner, reverse=setup.settings.reverse)
         planners.append(None if own.planner.native == "recorded" else native)
         handles.append(core_agent(agent, own, None))
     actions = setup.actions
     learning = native_planner(actions.planner) if isinstance(actions, FrenetWeights) else None
     core = _core.Stage(recorded, handles, planners, learning)
     starts = tuple(_starts(core, scenario, agents, setup.settings))
-    return Stage(scenario, road, tuple(agents), configs, core, recorded, starts)
+    has_drivers = bool(drawn_planners(config, agents, set(scenario.obstacles.ids.tolist()), 0))
+    return Stage(
+        scenario,
+        road,
+        tuple(agents),
+        configs,
+        core,
+        recorded,
+        starts,
+        config,
+        reverse=setup.settings.reverse,
+        has_drivers=has_drivers,
+    )
+
+
+def _native(chosen: Resolved, *, reverse: bool) -> _core.Planner:
+    planner = chosen.make()
+    if isinstance(planner, Rollout) and not reverse:
+        planner = replace(planner, reverse=False)
+    native = native_planner(planner)
+    if native is None:
+        raise InputError("traffic", f"{chosen.name} is not a native planner")
+    return native
 
 
 def _config(setup: Setup) -> RunConfig:

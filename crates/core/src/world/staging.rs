@@ -7,7 +7,7 @@ use super::standstill::recording_end;
 use super::{Agent, Drive, Effort, Shared, StepMemory, Threads, World, WorldSettings, ordering, people};
 use crate::error::{Error, Result};
 use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
-use crate::plan::Prepared;
+use crate::plan::{Planner, Prepared};
 use crate::predict;
 use crate::recording::{Outcome, Recording};
 use crate::right_of_way::{Course, Memory};
@@ -37,6 +37,15 @@ impl StagedAgent {
         let start_s = axle_s(&agent, agent.route.start_s);
         let course = Arc::new(ordering::course(&agent, scenario, &way));
         Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), way, course, start_s, agent: Arc::new(agent) })
+    }
+
+    /// The same agent with a planner of its own; route and way stay.
+    ///
+    /// # Errors
+    /// As [`StagedAgent::new`].
+    pub(crate) fn driven_by(&self, planner: &Planner, scenario: &Scenario) -> Result<Self> {
+        let agent = Agent { planner: planner.clone(), ..Agent::clone(&self.agent) };
+        Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), agent: Arc::new(agent), ..self.clone() })
     }
 
     /// The same agent, entering elsewhere or at another time; its route stays.

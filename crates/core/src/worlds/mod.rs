@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 use crate::observation::{ObservationSettings, layout};
+use crate::plan::Planner;
 use crate::plan::learned::ActionSpace;
 use crate::plan::weights::WeightActions;
 use crate::predict::Predictor;
@@ -71,7 +72,7 @@ impl WorldsSettings {
 }
 
 /// An episode to be played.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct EpisodeSpec {
     /// Position of its stage.
     pub stage: usize,
@@ -79,6 +80,8 @@ pub struct EpisodeSpec {
     pub first_time_step: i64,
     /// Positions of the learners among the vehicles of the stage, ascending.
     pub learners: Vec<usize>,
+    /// Planners of its own for vehicles of the stage that have one: by position, ascending.
+    pub planners: Vec<(usize, Planner)>,
 }
 
 /// A learner that has ended in the last call.
@@ -230,6 +233,10 @@ impl Worlds {
         let n = stage.ids().count();
         if !spec.learners.is_sorted_by(|a, b| a < b) || spec.learners.iter().any(|learner| *learner >= n) {
             return Err(Error::invalid("learners must be ascending positions of vehicles that can learn"));
+        }
+        let has_planner = |(position, _): &(usize, Planner)| stage.has_planner(*position);
+        if !spec.planners.is_sorted_by(|a, b| a.0 < b.0) || !spec.planners.iter().all(has_planner) {
+            return Err(Error::invalid("planners must be of ascending positions of vehicles with planners"));
         }
         if spec.learners.is_empty() || spec.learners.len() > self.slots {
             return Err(Error::invalid(format!(

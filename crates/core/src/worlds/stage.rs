@@ -12,6 +12,7 @@ use crate::start::{first_state, past_states};
 use crate::trajectory::State;
 use crate::vehicle::single_track::Kinematic;
 use crate::world::{Agent, StagedAgent, check_agents};
+use crate::worlds::EpisodeSpec;
 
 /// The model does what a recorded driver did if it comes so near the next state: [m] and [rad].
 const MISSED_DISTANCE: f64 = 0.1;
@@ -139,17 +140,27 @@ impl Stage {
         found
     }
 
-    /// Writes the agents of an episode that begins at a time step; `learners` are positions, ascending.
+    /// A vehicle is driven by a planner if it does not learn.
+    pub(super) fn has_planner(&self, position: usize) -> bool {
+        self.players.get(position).is_some_and(|player| player.traffic.is_some())
+    }
+
+    /// Writes the agents of an episode.
     ///
     /// # Errors
     /// `InvalidInput` naming a learner that has left by then.
-    pub(super) fn cast(&self, learners: &[usize], first_time_step: i64, cast: &mut Cast) -> Result<()> {
+    pub(super) fn cast(&self, spec: &EpisodeSpec, cast: &mut Cast) -> Result<()> {
+        let EpisodeSpec { learners, first_time_step, planners, .. } = spec;
+        let first_time_step = *first_time_step;
         cast.agents.clear();
         cast.learners.clear();
         cast.recorded.clear();
         for (i, player) in self.players.iter().enumerate() {
             let learns = learners.binary_search(&i).is_ok();
             let Some(staged) = (if learns { Some(&player.learner) } else { player.traffic.as_ref() }) else { continue };
+            let own = planners.binary_search_by_key(&i, |(position, _)| *position).ok().filter(|_| !learns);
+            let own = own.map(|row| staged.driven_by(&planners[row].1, &self.scenario)).transpose()?;
+            let staged = own.as_ref().unwrap_or(staged);
             let entering = self.entering(staged, player.row, first_time_step)?;
             if learns {
                 if entering.is_none() {
