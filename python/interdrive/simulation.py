@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 from interdrive import _core
-from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored
+from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored, temperament
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of
@@ -120,6 +120,7 @@ class Simulation:
             goal_settings=self.settings.goal,
             max_steps=self.settings.step.steps_at_most(self.scenario),
             seed=seed,
+            temperament=temperament(config, seed),
         )
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())

@@ -106,6 +106,52 @@ def test_seeds_draw_other_drivers_and_agents_left_out_change_nothing(road):
     assert alone.settings["planner"] == planners[0]["12"]
 
 
+TEMPER = """
+format = 1
+[parameters.desired_factor]
+transform = "identity"
+bounds = [0.7, 1.4]
+median = 1.0
+sd = 0.2
+[parameters.free_weight]
+transform = "identity"
+bounds = [0.0, 1.0]
+median = 0.5
+sd = 0.2
+"""
+
+
+def test_drivers_of_goals_without_time_want_other_speeds_and_their_runs_can_be_repeated(road, tmp_path):
+    path = tmp_path / "temper.toml"
+    path.write_text(TEMPER)
+    place = {"goal.information": "turns"}
+    run = idr.simulate(road, planner=f"idm,drivers={path}", settings=place, seed=2)
+    wanted = {agent.id: agent.goal[0].velocity[1] / 2.0 for agent in run.agents}
+    factors = {number: read_drivers(str(path)).drawn(2, number)["desired_factor"] for number in wanted}
+    assert len(set(factors.values())) == 4
+    # All start with 10 m/s.
+    assert wanted == pytest.approx({number: 10.0 * factor for number, factor in factors.items()})
+    assert run.settings["planner"]["12"]["driver.desired_factor"] == factors[12]
+    again = idr.simulate(road, planner=run.settings["planner"], settings=place)
+    assert again.digest == run.digest
+    run.save(tmp_path / "run")
+    assert idr.load(tmp_path / "run").settings["planner"] == run.settings["planner"]
+    assert run.digest != idr.simulate(road, planner="idm", settings=place).digest
+
+
+def test_goals_with_a_time_leave_drivers_no_other_speed(road, tmp_path):
+    path = tmp_path / "temper.toml"
+    path.write_text(TEMPER)
+    assert idr.simulate(road, planner=f"idm,drivers={path}").digest == idr.simulate(road, planner="idm").digest
+
+
+def test_a_single_agent_may_be_told_what_its_driver_wants(road):
+    place = {"goal.information": "turns"}
+    run = idr.simulate(road, planner={12: "idm,driver.desired_factor=1.3", "default": "idm"}, settings=place)
+    wanted = {agent.id: agent.goal[0].velocity[1] / 2.0 for agent in run.agents}
+    assert wanted == pytest.approx({11: 10.0, 12: 13.0, 13: 10.0, 14: 10.0}), "m/s"
+
+
 def test_a_batch_runs_with_drivers(road, tmp_path):
     path = tmp_path / "road.xml"
     idr.write_scenario(road, path)
@@ -123,6 +169,8 @@ def test_a_batch_runs_with_drivers(road, tmp_path):
         ("recorded,drivers=house", "planner recorded: drivers=house: it has none; idm, idm_mobil"),
         ("idm,drivers=hose", "there is no population 'hose'; did you mean house?"),
         ("idm,drivers=none.toml", "drivers none.toml: cannot be read"),
+        ("idm,driver.desired_factor=3", "driver.desired_factor: must be a number from 0.7 to 1.4, is 3"),
+        ("idm,driver.mood=1", "driver.mood: is not known; there are desired_factor, free_weight"),
     ],
 )
 def test_planners_and_names_that_do_not_fit_are_refused(road, planner, words):

@@ -407,6 +407,8 @@ def _plain(planner: AgentChoice, expected: Resolved, settings: SimulationSetting
         plain["files"] = files
     if planner.drivers is not None:
         plain["drivers"] = planner.drivers.plain()
+    if planner.driver:
+        plain["driver"] = dict(planner.driver)
     libraries = versions(chosen.name, "planner") | versions(expected.name, "predictor")
     if libraries:
         plain["libraries"] = libraries

@@ -6,8 +6,8 @@ run.json stores the plain values; passed back, they reproduce the run.
 from __future__ import annotations
 
 import operator
-from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from interdrive import _core
@@ -26,6 +26,7 @@ from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings, ViewSettings
 from interdrive.planners import RECORDED_PATH
 from interdrive.scenario import KINDS
+from interdrive.scenario.known_goals import Temperament
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
@@ -60,12 +61,14 @@ class AgentConfig:
         view: Its view settings.
         rules: The rules of the road that it obeys.
         v2x: Whether it has V2X; None: as drawn by `v2x.penetration`.
+        driver: How fast it wants to be where its goal has no time, by name; what is missing is as usual.
     """
 
     planner: Resolved
     view: ViewSettings
     rules: RulesSettings
     v2x: bool | None = None
+    driver: Mapping[str, float] = field(default_factory=dict)
 
 
 def core_agent(agent: Agent, config: AgentConfig, planner: _core.Planner | None) -> _core.Agent:
@@ -128,7 +131,7 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
             raise InputError("v2x", "applies to a single agent; for all agents set v2x.penetration")
         view, rules = _record("view", settings.view, default.view), _record("rules", settings.rules, default.rules)
         settings = replace(settings, view=view, rules=rules)
-        default = AgentChoice(default.planner, drivers=default.drivers)
+        default = AgentChoice(default.planner, drivers=default.drivers, driver=default.driver)
     return RunConfig(settings, default, own)
 
 
@@ -174,10 +177,28 @@ def agent_configs(
             has_v2x = equipped.get(agent.id, equipped.get(DEFAULT)) if choice.v2x is None else choice.v2x
             view, kept = _record("view", view, choice.view), _record("rules", kept, choice.rules)
             planner = choice.planner if choice.drivers is None else _drawn(choice, agent, seed)
-            found[agent.id] = AgentConfig(planner, view, kept, _truth(has_v2x))
+            driver = _driver(choice, agent.id, agent.kind, seed)
+            found[agent.id] = AgentConfig(planner, view, kept, _truth(has_v2x), driver)
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
+
+
+def temperament(config: RunConfig, seed: int) -> Callable[[int, str], Temperament]:
+    """How fast the drivers of recorded vehicles want to be, by id and kind.
+
+    Args:
+        config: Planners of the run.
+        seed: Of what drivers draw.
+    """
+    own = {str(name): choice for name, choice in config.own.items()}
+    return lambda agent, kind: Temperament(**_driver(own.get(str(agent), config.default), agent, kind, seed))
+
+
+def _driver(choice: AgentChoice, agent: int, kind: str, seed: int) -> dict[str, float]:
+    """What a choice says of the driver, and for the rest what the agent draws."""
+    drawn = {} if choice.drivers is None else choice.drivers.temperament(seed, agent, kind)
+    return {**drawn, **choice.driver}
 
 
 def drawn_planners(
@@ -213,7 +234,7 @@ def _drawn(choice: AgentChoice, agent: Agent, seed: int) -> Resolved:
 
 def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:
     """Planners, views, rules and predictor as plain values, and whether they reproduce the run ("repeatable")."""
-    plain = {agent: config.planner.plain(settings.planner) for agent, config in agents.items()}
+    plain = {agent: _plain(config, settings) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]
     expected, repeatable = predictor.plain(settings.predictor)
     equipped = {str(agent): config.v2x for agent, config in agents.items() if config.v2x is not None}
@@ -229,6 +250,15 @@ def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: Sim
         "predictor": expected,
         "repeatable": repeatable and all(known for _, known in plain.values()),
     }
+
+
+def _plain(config: AgentConfig, settings: SimulationSettings) -> tuple[Any, bool]:
+    """The planner of an agent with what its driver has besides, and whether this reproduces it."""
+    planner, known = config.planner.plain(settings.planner)
+    if not config.driver:
+        return planner, known
+    table = planner if isinstance(planner, Mapping) else {"planner": planner}
+    return {**table, **{f"driver.{name}": value for name, value in config.driver.items()}}, known
 
 
 def modules_named(planner: PlannersSpec, predictor: PredictorSpec) -> tuple[str, ...]:

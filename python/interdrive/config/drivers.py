@@ -30,8 +30,12 @@ PARAMETERS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "deceleration": (0.8, 4.0),
         "politeness": (0.0, 1.0),
         "changing_threshold": (0.0, 0.5),
+        "desired_factor": (0.7, 1.4),
+        "free_weight": (0.0, 1.0),
     }
 )
+#: Those of them that are no settings of a planner, but say how fast an agent wants to be whose goal has no time.
+TEMPERAMENT = ("desired_factor", "free_weight")
 _CAR_FOLLOWING = {name: name for name in ("time_gap", "minimum_gap", "acceleration", "deceleration")}
 #: The settings of planners that these parameters are; other parameters mean nothing to them.
 SETTINGS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -131,6 +135,10 @@ class Drivers:
             raise InputError("drivers", f"planner {planner} has none; {', '.join(SETTINGS)} have")
         return {names[name]: value for name, value in self.drawn(seed, agent, kind).items() if name in names}
 
+    def temperament(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
+        """What an agent draws of `TEMPERAMENT`."""
+        return {name: value for name, value in self.drawn(seed, agent, kind).items() if name in TEMPERAMENT}
+
     def plain(self) -> dict[str, Any]:
         """All that decides what is drawn, as plain values."""
         return {
@@ -149,6 +157,27 @@ class Drivers:
             return np.asarray(np.linalg.cholesky(matrix))
         except np.linalg.LinAlgError:
             raise InputError(f"drivers {self.name}", "correlation: the matrix is not positive definite") from None
+
+
+def checked_temperament(given: Mapping[str, object]) -> dict[str, float]:
+    """Values of `TEMPERAMENT` as numbers.
+
+    Raises:
+        InputError: Another name, no number, or a value beyond its bounds.
+    """
+    found = {}
+    for name, value in given.items():
+        if name not in TEMPERAMENT:
+            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(TEMPERAMENT)}")
+        low, high = PARAMETERS[name]
+        try:
+            number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = math.nan
+        if not low <= number <= high:
+            raise InputError(f"driver.{name}", f"must be a number from {low:g} to {high:g}, is {value}")
+        found[name] = number
+    return found
 
 
 def _population(name: str, medians: Mapping[str, float], sd: float) -> Drivers:

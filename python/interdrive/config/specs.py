@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.drivers import SETTINGS, Drivers, read_drivers
+from interdrive.config.drivers import SETTINGS, Drivers, checked_temperament, read_drivers
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
@@ -65,7 +65,7 @@ _PREDICTOR = _Kind("predictor", "predict(scene)", Predictor, PREDICTORS, PREDICT
 DEFAULT = "default"
 
 #: What else an agent is told with its planner.
-_BESIDES = ("view.", "rules.")
+_BESIDES = ("view.", "rules.", "driver.")
 
 
 @dataclass(frozen=True)
@@ -176,6 +176,7 @@ class AgentChoice:
         rules: Settings of the rules of the road that it obeys, likewise.
         v2x: Whether it has V2X, as given; None: as others have.
         drivers: The population from which each agent draws settings of its planner; None: all agents have the same.
+        driver: How fast it wants to be where its goal has no time, by `desired_factor` and `free_weight`.
     """
 
     planner: Resolved
@@ -183,6 +184,7 @@ class AgentChoice:
     rules: Mapping[str, object] = field(default_factory=dict)
     v2x: object = None
     drivers: Drivers | None = None
+    driver: Mapping[str, float] = field(default_factory=dict)
 
 
 #: A planner: a name listed by `interdrive planners` or `module:object`, with or without settings ("frenet,level=1"); a
@@ -210,7 +212,7 @@ def is_per_agent(planner: object) -> TypeGuard[Mapping[Any, PlannerSpec]]:
 
 
 def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice | None = None) -> AgentChoice:
-    """Reads the choice of a planner and of what an agent has besides (`view.*`, `rules.*`, `v2x`).
+    """Reads the choice of a planner and of what an agent has besides (`view.*`, `rules.*`, `driver.*`, `v2x`).
 
     Args:
         spec: The specification.
@@ -227,19 +229,23 @@ def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice
         raise InputError(f"planner {spec!r}", "one planner is wanted here, not one per agent")
     choice = read_choice(spec, "planner")
     given, v2x = choice.settings, choice.settings.get("v2x")
-    view, rules = (
+    view, rules, driver = (
         {name.removeprefix(group): value for name, value in given.items() if name.startswith(group)}
         for group in _BESIDES
     )
     beside = ("v2x", "drivers")
     own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name not in beside}
+    temper = checked_temperament(driver)
     if choice.chosen is not None:
         planner = _resolved(Choice(choice.chosen, own), usual, _PLANNER)
-        return AgentChoice(*_with_drivers(planner, given, view, rules, v2x, None))
+        return AgentChoice(*_with_drivers(planner, given, view, rules, v2x, None), temper)
     base = default or AgentChoice(_resolved(DEFAULT_PLANNER, usual, _PLANNER))
     planner = _resolved(Choice(base.planner, own), usual, _PLANNER)
     view, rules = {**base.view, **view}, {**base.rules, **rules}
-    return AgentChoice(*_with_drivers(planner, given, view, rules, base.v2x if v2x is None else v2x, base.drivers))
+    return AgentChoice(
+        *_with_drivers(planner, given, view, rules, base.v2x if v2x is None else v2x, base.drivers),
+        {**base.driver, **temper},
+    )
 
 
 def _with_drivers(
