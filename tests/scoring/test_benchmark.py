@@ -112,3 +112,19 @@ def test_a_planner_of_your_own_that_crawls_ranks_below_one_that_drives(tmp_path,
     paper = (tmp_path / "out" / "paper.md").read_text(encoding="utf-8").splitlines()
     assert paper[-1].startswith("Set shipped-2 (SHA-256 ") and "interdrive benchmark mine" in paper[-1]
     assert (tmp_path / "out" / "paper.tex").read_text(encoding="utf-8").startswith("\\begin{table}")
+
+
+def test_a_population_of_drivers_is_a_row_of_its_own_and_the_same_each_time(tmp_path, monkeypatch):
+    whole = read_set("shipped-2")
+    junction = next(file for file in whole.files if file.name == "t_junction")
+    monkeypatch.setattr(run, "read_set", lambda _: replace(whole, files=(replace(junction, agents=(1002, 1006)),)))
+    scores = []
+    for name in ("first", "second"):
+        found = idr.benchmark(
+            ["idm", "idm,drivers=calm"], predictor="constant_velocity", out=tmp_path / name, workers=1
+        )
+        stored = json.loads((tmp_path / name / "benchmark.json").read_text())
+        assert [row["planner"] for row in stored["rows"]] == ["idm", "idm,drivers=calm"]
+        scores.append([row.score for row in found.table if row.category == "all"])
+    assert scores[0] == scores[1]
+    assert scores[0][0] != scores[0][1], "calm drivers keep more room"
