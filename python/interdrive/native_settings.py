@@ -285,10 +285,16 @@ class Idm(CarFollowing):
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
         lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
+        noise: Standard deviation of a random part of the acceleration: how much the driver wavers. Between 0 and 5.
+        noise_length: Time over which that part changes. Positive and at most 60.
+        noise_seed: Which random part it is. Between 0 and 4294967295.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
     lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    noise: Annotated[float, "m/s²"] = 0.0
+    noise_length: Annotated[float, "s"] = 1.5
+    noise_seed: int = 0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

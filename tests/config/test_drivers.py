@@ -145,6 +145,41 @@ def test_goals_with_a_time_leave_drivers_no_other_speed(road, tmp_path):
     assert idr.simulate(road, planner=f"idm,drivers={path}").digest == idr.simulate(road, planner="idm").digest
 
 
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil"])
+def test_drivers_waver_each_in_its_own_way_and_their_runs_can_be_repeated(road, planner, tmp_path):
+    path = tmp_path / "wavering.toml"
+    path.write_text("format = 1\n[driver]\nnoise = 0.3\nnoise_length = 2.0\n")
+    run = idr.simulate(road, planner=f"{planner},drivers={path}", seed=4)
+    own = run.settings["planner"]
+    assert {one["noise"] for one in own.values()} == {0.3}
+    assert len({one["noise_seed"] for one in own.values()}) == 4
+    assert run.digest != idr.simulate(road, planner=planner, seed=4).digest
+    assert idr.simulate(road, planner=own).digest == run.digest
+    assert idr.simulate(road, planner=own, threads=2).digest == run.digest
+    assert run.outcomes.outcome.count("collision") == 0
+
+
+def test_planners_that_do_not_waver_take_the_rest_of_a_population(road, tmp_path):
+    path = tmp_path / "wavering.toml"
+    path.write_text("format = 1\n[driver]\nnoise = 0.3\n[parameters.time_gap]\nmedian = 1.4\n")
+    assert read_drivers(str(path)).settings("rollout", 0, 12) == {"comfort.time_gap": 1.4}
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("noise = 9.0", r"driver.noise: must be a number from 0 to 5, is 9.0"),
+        ("noise_length = 0", r"driver.noise_length: must be a number from 0.01 to 60, is 0"),
+        ("mood = 1", r"driver.mood: is not known; there are noise, noise_length"),
+    ],
+)
+def test_noise_that_is_none_is_refused(table, words, tmp_path):
+    path = tmp_path / "bad.toml"
+    path.write_text(f"format = 1\n[driver]\n{table}\n")
+    with pytest.raises(InputError, match=words):
+        read_drivers(str(path))
+
+
 def test_a_single_agent_may_be_told_what_its_driver_wants(road):
     place = {"goal.information": "turns"}
     run = idr.simulate(road, planner={12: "idm,driver.desired_factor=1.3", "default": "idm"}, settings=place)

@@ -56,6 +56,10 @@ SETTINGS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
     }
 )
+#: Planners whose drivers waver.
+WAVERING = ("idm", "idm_mobil")
+#: There are so many ways to waver, drawn apart from the parameters.
+_WAVES, _NOISE_DRAW = 2**32, 1
 #: Version of the files.
 _FORMAT = 1
 #: Seeds are whole numbers below this.
@@ -103,12 +107,16 @@ class Drivers:
         parameters: Distributions by parameter, in the order of `PARAMETERS`.
         correlation: Correlations of the normal numbers behind two parameters.
         kinds: Distributions that differ for a kind of vehicle, such as "truck".
+        noise: Standard deviation of a random part of the acceleration [m/s²], which differs from agent to agent.
+        noise_length: Time over which that part changes [s].
     """
 
     name: str
     parameters: Mapping[str, Distribution]
     correlation: tuple[tuple[str, str, float], ...] = ()
     kinds: Mapping[str, Mapping[str, Distribution]] = field(default_factory=dict)
+    noise: float = 0.0
+    noise_length: float = 1.5
 
     def drawn(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
         """The parameters of an agent; they depend on nothing but these arguments.
@@ -133,7 +141,12 @@ class Drivers:
         names = SETTINGS.get(planner)
         if names is None:
             raise InputError("drivers", f"planner {planner} has none; {', '.join(SETTINGS)} have")
-        return {names[name]: value for name, value in self.drawn(seed, agent, kind).items() if name in names}
+        found = {names[name]: value for name, value in self.drawn(seed, agent, kind).items() if name in names}
+        if self.noise > 0.0 and planner in WAVERING:
+            random = np.random.default_rng(np.random.SeedSequence([seed % _SEEDS, agent % _SEEDS, _NOISE_DRAW]))
+            wave = int(random.integers(_WAVES))
+            found |= {"noise": self.noise, "noise_length": self.noise_length, "noise_seed": wave}
+        return found
 
     def temperament(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
         """What an agent draws of `TEMPERAMENT`."""
@@ -145,6 +158,7 @@ class Drivers:
             "parameters": {name: vars(one) for name, one in self.parameters.items()},
             "correlation": [list(one) for one in self.correlation],
             "kinds": {kind: {name: vars(one) for name, one in own.items()} for kind, own in self.kinds.items()},
+            **({"noise": [self.noise, self.noise_length]} if self.noise > 0.0 else {}),
         }
 
     def _cholesky(self) -> Floats:
@@ -231,18 +245,36 @@ def _from_table(name: str, table: Mapping[str, Any]) -> Drivers:
     kinds = {
         key: _distributions(value)
         for key, value in table.items()
-        if isinstance(value, Mapping) and key not in ("parameters", "provenance")
+        if isinstance(value, Mapping) and key not in ("parameters", "driver", "provenance")
     }
     unknown = [
-        key for key in table if key not in ("format", "parameters", "provenance", "correlation") and key not in kinds
+        key
+        for key in table
+        if key not in ("format", "parameters", "driver", "provenance", "correlation") and key not in kinds
     ]
     if unknown:
-        raise InputError(unknown[0], "is not known here; there are format, parameters, correlation, provenance")
+        raise InputError(unknown[0], "is not known here; there are format, parameters, driver, correlation, provenance")
     given = _distributions(table.get("parameters", {}))
     correlation = tuple(_correlated(one) for one in table.get("correlation", ()))
-    found = Drivers(name, given, correlation, kinds)
+    found = Drivers(name, given, correlation, kinds, **_noise(table.get("driver", {})))
     found.drawn(0, 0)
     return found
+
+
+#: Bounds of `[driver]`, as those of the settings of `idm`.
+_NOISE = {"noise": (0.0, 5.0), "noise_length": (0.01, 60.0)}
+
+
+def _noise(given: object) -> dict[str, float]:
+    if not isinstance(given, Mapping):
+        raise InputError("driver", "must be a table")
+    for name, value in given.items():
+        if name not in _NOISE:
+            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(_NOISE)}")
+        low, high = _NOISE[name]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            raise InputError(f"driver.{name}", f"must be a number from {low:g} to {high:g}, is {value!r}")
+    return {name: float(value) for name, value in given.items()}
 
 
 def _distributions(given: object) -> dict[str, Distribution]:

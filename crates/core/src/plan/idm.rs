@@ -3,11 +3,12 @@
 use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::Ego;
+use super::driver_noise::Noise;
 use super::frame::Start;
 use super::path_motion::RETURN_TIME;
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
-use crate::settings::{positive, settings};
+use crate::settings::{between, positive, settings};
 
 /// Least desired speed of an agent whose goal says nothing about where or how fast, or is over [m/s]: that of city
 /// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
@@ -27,6 +28,12 @@ settings! {
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
+        /// Standard deviation of a random part of the acceleration: how much the driver wavers.
+        noise: f64 ["m/s²"] = 0.0, between(0.0, 5.0);
+        /// Time over which that part changes.
+        noise_length: f64 ["s"] = 1.5, positive(60.0);
+        /// Which random part it is.
+        noise_seed: usize = 0, between(0.0, 4_294_967_295.0);
     }
 }
 
@@ -36,6 +43,11 @@ impl IdmSettings {
         let (velocity, _) =
             arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, None);
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
+    }
+
+    /// How its driver wavers.
+    pub(super) fn wavering(&self) -> Option<Noise> {
+        Noise::new(self.noise, self.noise_length, self.noise_seed)
     }
 }
 
@@ -50,19 +62,28 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let limit = |s: f64| request.rules.way.limits.at(s);
     let law = &settings.law;
     let free = |profile: &SpeedProfile, s: f64, velocity: f64| law.free(velocity, wish.min(profile.at(s)));
-    follow_path(request, law, (start, settings.lateral_acceleration), (limit, free), memory)
+    let following = Following { law, lateral_acceleration: settings.lateral_acceleration, noise: settings.wavering() };
+    follow_path(request, &following, start, (limit, free), memory)
 }
 
-/// The plan along the reference path with a law of car following, for a lateral acceleration in curves [m/s²]: at most as
-/// fast as `limit` says for an arc length [m] and curves allow. `free` is the acceleration on a free road [m/s²] at an arc
-/// length [m] and a speed [m/s].
+/// How a path is followed.
+pub(super) struct Following<'a> {
+    pub(super) law: &'a CarFollowing,
+    /// In curves [m/s²].
+    pub(super) lateral_acceleration: f64,
+    pub(super) noise: Option<Noise>,
+}
+
+/// The plan along the reference path: at most as fast as `limit` says for an arc length [m] and curves allow. `free` is
+/// the acceleration on a free road [m/s²] at an arc length [m] and a speed [m/s].
 pub(super) fn follow_path(
     request: &PlanRequest,
-    law: &CarFollowing,
-    (start, lateral_acceleration): (Start, f64),
+    following: &Following<'_>,
+    start: Start,
     (limit, free_road): (impl Fn(f64) -> f64, impl Fn(&SpeedProfile, f64, f64) -> f64),
     memory: &mut PlanningMemory,
 ) -> PlanResult {
+    let &Following { law, lateral_acceleration, ref noise } = following;
     let path = &request.route.path;
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
@@ -75,7 +96,9 @@ pub(super) fn follow_path(
         // The model adds both parts; `allowed` holds the acceleration of a free road.
         let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
         let taken = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration;
-        limited(free + taken.min(0.0), velocity, request.vehicle)
+        let wanted = free + taken.min(0.0);
+        let time = (request.time_step + point as i64) as f64 * request.dt;
+        limited(noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity)), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));

@@ -2,7 +2,7 @@
 
 use super::car_following::CarFollowing;
 use super::frame::Start;
-use super::idm::follow_path;
+use super::idm::{Following, follow_path};
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, refused};
 use crate::conduct::STATIONARY_SPEED;
@@ -52,7 +52,8 @@ pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mu
         let slowing = (desired(s + velocity * SLOWING_TIME) - velocity) / SLOWING_TIME;
         law.free(velocity, desired(s)).min(slowing.max(-SLOWING_MAX))
     };
-    follow_path(request, law, (start, settings.lateral_acceleration), (lawful, free), memory)
+    let following = Following { law, lateral_acceleration: settings.lateral_acceleration, noise: None };
+    follow_path(request, &following, start, (lawful, free), memory)
 }
 
 /// The speed that is lawful at an arc length [m/s], but for bends.

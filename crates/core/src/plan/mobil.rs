@@ -101,13 +101,15 @@ pub(super) fn plan(
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
-    let need = lane.need(start.s);
+    let (need, noise) = (lane.need(start.s), settings.idm.wavering());
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
         let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration)
             .min(0.0);
         let wanted = free + taken;
+        let time = (request.time_step + point as i64) as f64 * request.dt;
+        let wanted = noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity));
         let beside = yields_to.map_or(f64::INFINITY, |leader| {
             let gap = leader.gap + leader.velocity * point as f64 * request.dt - (s - start.s);
             law.following(velocity, gap, leader.velocity).max(-law.deceleration)

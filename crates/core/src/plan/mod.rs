@@ -4,6 +4,7 @@ mod conflicts;
 mod arrival;
 mod comfort;
 mod car_following;
+mod driver_noise;
 mod driving_line;
 mod emergency_braking;
 mod frame;
