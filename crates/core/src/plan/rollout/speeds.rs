@@ -57,9 +57,7 @@ pub(super) enum Pace {
     Social,
     /// Behind leaders only, if it has crossed the ways of others at its end.
     Bold,
-    /// Behind all that cross or join.
-    Yielding,
-    /// The same at a share of the speed.
+    /// At a share of the speed, behind all that cross or join.
     Share(f64),
     /// The same at walking pace.
     Walking,
@@ -79,7 +77,6 @@ impl Pace {
         match self {
             Self::Social => "social",
             Self::Bold => "bold",
-            Self::Yielding => "yielding",
             Self::Share(_) => "slower",
             Self::Walking => "walking",
             Self::Stopping => "stopping",
@@ -166,7 +163,7 @@ impl Speeds {
             Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
-            Pace::Yielding | Pace::Share(_) | Pace::Walking | Pace::Stopping | Pace::Braking => {
+            Pace::Share(_) | Pace::Walking | Pace::Stopping | Pace::Braking => {
                 conflicts.yield_to_all(ego);
             }
         }

@@ -65,11 +65,10 @@ impl Steering {
     /// Swerves.
     pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
     /// Where the road is narrow, in turn.
-    pub(super) const CORNERING: [Self; 4] = [
+    pub(super) const CORNERING: [Self; 3] = [
         Self { preview: 0.3, time: 0.6, inside: 1.0, ..Self::FIRM },
         Self { preview: 0.2, time: 0.5, inside: 0.0, ..Self::FIRM },
         Self { preview: 0.3, time: 0.6, inside: 2.0, ..Self::FIRM },
-        Self { preview: 0.3, time: 0.6, inside: -1.0, ..Self::FIRM },
     ];
     /// Keeps the wheels as they are.
     pub(super) const HOLD: Self = Self { held: Some((Held::Present, f64::INFINITY)), ..Self::FIRM };
