@@ -5,6 +5,7 @@
     python benchmarks/driving --planner idm_mobil --csv idm_mobil.csv --against rollout.csv     # two planners, paired
     python benchmarks/driving --places A --set planner.rollout.horizon=4
     python benchmarks/driving --page docs/research/driving.md               # writes its tables into the page, too
+    python benchmarks/driving ../real --page docs/research/driving.md --section "real recordings"
 
 Prints Markdown. Results do not depend on the number of workers.
 """
@@ -59,6 +60,7 @@ def main() -> int:
     parser.add_argument("--against", type=Path, metavar="CSV", help="of another build: agents that changed are listed")
     parser.add_argument("--reachable", type=Path, default=ROOT / "out" / "driving" / "reachable.json", help="cache")
     parser.add_argument("--page", type=Path, metavar="FILE", help="tables also go between the markers of this page")
+    parser.add_argument("--section", metavar="NAME", help="of the page, for another folder: outcomes and manner only")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     begun = time.perf_counter()
@@ -70,10 +72,11 @@ def main() -> int:
     if not files:
         print(f"{arguments.folder}: no scenario (.xml files are expected in it or in its folders)", file=sys.stderr)
         return 2
+    markers = tables.markers_of(arguments.section)
     try:
         page = arguments.page and arguments.page.read_text(encoding="utf-8")
         if page:
-            tables.put_into(page, "")  # refused before minutes of driving, not after them
+            tables.put_into(page, "", markers)  # refused before minutes of driving, not after them
     except (OSError, ValueError) as error:
         print(f"{arguments.page}: {getattr(error, 'strerror', None) or error}", file=sys.stderr)
         return 2
@@ -101,7 +104,8 @@ def main() -> int:
     text = "\n\n".join(written)
     print(text)
     if page:
-        arguments.page.write_text(tables.put_into(page, text), encoding="utf-8")
+        brief = "\n\n".join(written[:4]) if arguments.section else text
+        arguments.page.write_text(tables.put_into(page, brief, markers), encoding="utf-8")
     if old is not None:
         # Both sides with the digits of the file, or the same drives would differ.
         print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, tables.read_csv(arguments.csv))}")

@@ -25,6 +25,16 @@ SIDE_BY_SIDE = (
     "<!-- written by benchmarks/driving/side_by_side.py: begin -->",
     "<!-- written by benchmarks/driving/side_by_side.py: end -->",
 )
+
+
+def markers_of(section: str | None) -> tuple[str, str]:
+    """Lines between which the tables of a section stand; of the first one without a name."""
+    if section is None:
+        return MARKERS
+    begin, end = (f"<!-- written by benchmarks/driving, {section}: {word} -->" for word in ("begin", "end"))
+    return begin, end
+
+
 _HEADINGS = (
     *("category", "agents", "in time", "share", "reachable", "in time", "share", "body on lanelets"),
     "seconds lost",
