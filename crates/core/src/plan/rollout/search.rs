@@ -212,7 +212,7 @@ impl<'a> Search<'a> {
             if self.memory.conflicts.has_later() {
                 paces.push(Pace::Bold);
             }
-            paces.extend([Pace::Share(0.8), Pace::Share(0.6), Pace::Share(0.35), Pace::Stopping, Pace::Braking]);
+            paces.extend([Pace::Stopping, Pace::Braking]);
             let first = proposals.len();
             for pace in paces {
                 let Some(speeds) = self.speeds(pace, &ego) else { continue };
@@ -232,7 +232,7 @@ impl<'a> Search<'a> {
     fn swing_out(&mut self) {
         let ego = self.look(0.0);
         let mut proposals = Vec::new();
-        for pace in [Pace::Social, Pace::Share(0.5), Pace::Walking] {
+        for pace in [Pace::Social, Pace::Walking] {
             let Some(speeds) = self.speeds(pace, &ego) else { continue };
             proposals.push(self.proposal(pace, (MIDDLE, Steering::FIRM), speeds.clone()));
             for share in SWINGS {
@@ -256,11 +256,10 @@ impl<'a> Search<'a> {
                 proposals.push(self.proposal(pace, ((d + swerve, Along::Path), Steering::QUICK), speeds.clone()));
             }
         }
-        let (firm, hold, straight) = (Steering::FIRM, Steering::HOLD, Steering::STRAIGHT);
         for pace in EMERGENCIES.map(Pace::Emergency) {
             let speeds = self.speeds(pace, &ego).expect("an agent can always brake");
-            for way in [(0.0, firm), (d, firm), (0.0, hold), (0.0, straight), (1.0, firm), (-1.0, firm)] {
-                proposals.push(self.proposal(pace, ((way.0, Along::Path), way.1), speeds.clone()));
+            for offset in [0.0, d] {
+                proposals.push(self.proposal(pace, ((offset, Along::Path), Steering::FIRM), speeds.clone()));
             }
         }
         proposals.iter_mut().for_each(|one| one.is_emergency = true);

@@ -57,9 +57,7 @@ pub(super) enum Pace {
     Social,
     /// Behind leaders only, if it has crossed the ways of others at its end.
     Bold,
-    /// At a share of the speed, behind all that cross or join.
-    Share(f64),
-    /// The same at walking pace.
+    /// At walking pace, behind all that cross or join.
     Walking,
     /// Stops comfortably.
     Stopping,
@@ -77,7 +75,6 @@ impl Pace {
         match self {
             Self::Social => "social",
             Self::Bold => "bold",
-            Self::Share(_) => "slower",
             Self::Walking => "walking",
             Self::Stopping => "stopping",
             Self::Braking => "braking",
@@ -163,12 +160,9 @@ impl Speeds {
             Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
-            Pace::Share(_) | Pace::Walking | Pace::Stopping | Pace::Braking => {
-                conflicts.yield_to_all(ego);
-            }
+            Pace::Walking | Pace::Stopping | Pace::Braking => conflicts.yield_to_all(ego),
         }
         let most = if pace == Pace::Walking { WALKING_SPEED } else { f64::INFINITY };
-        let share = if let Pace::Share(share) = pace { share } else { 1.0 };
         // Who stops brakes no later than the road asks for.
         let stopping = match pace {
             Pace::Stopping => -comfort.deceleration,
@@ -178,7 +172,7 @@ impl Speeds {
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {
-            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
+            let cap = profile.at(s + PREVIEW * velocity).min(task.wish).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
             let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);

@@ -35,8 +35,8 @@ pub(super) struct Steering {
     time: f64,
     /// How far inside bends it aims: 1 so that the rear is as far inside as the front is outside.
     inside: f64,
-    /// What it holds before it follows the path, and for how long [s].
-    held: Option<(Held, f64)>,
+    /// The share of the tightest curvature that it holds before it follows the path, and for how long [s].
+    held: Option<(f64, f64)>,
 }
 
 /// What an offset is counted from.
@@ -46,15 +46,6 @@ pub(super) enum Along {
     Line,
     /// The path.
     Path,
-}
-
-/// A curvature that is held.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Held {
-    /// That of now.
-    Present,
-    /// A share of the tightest.
-    Share(f64),
 }
 
 impl Steering {
@@ -70,14 +61,10 @@ impl Steering {
         Self { preview: 0.2, time: 0.5, inside: 0.0, ..Self::FIRM },
         Self { preview: 0.3, time: 0.6, inside: 2.0, ..Self::FIRM },
     ];
-    /// Keeps the wheels as they are.
-    pub(super) const HOLD: Self = Self { held: Some((Held::Present, f64::INFINITY)), ..Self::FIRM };
-    /// Straightens the wheels.
-    pub(super) const STRAIGHT: Self = Self { held: Some((Held::Share(0.0), f64::INFINITY)), ..Self::FIRM };
 
     /// Turns the wheels to a share of the tightest curvature for a time first [s]: swings out.
     pub(super) fn swinging(share: f64, time: f64) -> Self {
-        Self { preview: 0.3, time: 0.6, held: Some((Held::Share(share), time)), ..Self::FIRM }
+        Self { preview: 0.3, time: 0.6, held: Some((share, time)), ..Self::FIRM }
     }
 }
 
@@ -141,10 +128,7 @@ impl Rollout {
             if i > 0 {
                 let wanted = match steering.held {
                     None if before < 0.0 => curvature,
-                    Some((held, until)) if i as f64 * dt <= until => match held {
-                        Held::Present => start.curvature,
-                        Held::Share(share) => share * tightest,
-                    },
+                    Some((share, until)) if i as f64 * dt <= until => share * tightest,
                     _ => {
                         let preview = if line.is_some() { LINE_PREVIEW } else { steering.preview };
                         let from = s + before * preview;
