@@ -59,8 +59,8 @@ struct Body {
     n: usize,
     is_static: bool,
     overlaps_now: bool,
-    /// Kept along and across [m].
-    margin: [f64; 2],
+    /// Kept along and across [m], and more across for the relative speed [s].
+    margin: [f64; 3],
     /// Of its box [m].
     radius: f64,
 }
@@ -205,9 +205,9 @@ impl Surroundings {
         points: &[RolloutPoint],
         keeps_margin: bool,
     ) -> Option<Contact> {
-        let [along, across] = if keeps_margin { body.margin } else { [0.0; 2] };
+        let [along, across, across_time] = if keeps_margin { body.margin } else { [0.0; 3] };
         let vehicle = request.vehicle;
-        let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along + across;
+        let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along;
         let mut before = self.at(body, 0)?;
         let mut is_together = body.overlaps_now;
         for i in 1..points.len() {
@@ -215,14 +215,16 @@ impl Surroundings {
             let (moved, way) = (other.center - before.center, points[i].center - points[i - 1].center);
             let apart = points[i].center - other.center;
             let other_before = std::mem::replace(&mut before, other);
-            let reach = radii + way.norm() + moved.norm();
+            let passing = (way - moved).norm() / request.dt;
+            let beside = across + across_time * passing;
+            let reach = radii + beside + way.norm() + moved.norm();
             if apart.norm_squared() > reach * reach {
                 is_together = false;
                 continue;
             }
             let (from, ego) = (points[i - 1].footprint(request), points[i].footprint(request));
             let swept = OrientedBox::spanning(other_before, other);
-            let (half_length, half_width) = (swept.half_length + along, swept.half_width + across);
+            let (half_length, half_width) = (swept.half_length + along, swept.half_width + beside);
             if !OrientedBox::spanning(&from, &ego).overlaps(&OrientedBox { half_length, half_width, ..swept }) {
                 is_together = false;
                 continue;
@@ -241,7 +243,7 @@ impl Surroundings {
             if !is_reversing && keeps_lane && !change.is_under_way && must_yield(&ego, other, moved, request.dt, time) {
                 return None;
             }
-            return Some(Contact { point: i, speed: (way - moved).norm() / request.dt, other: Some(body.other) });
+            return Some(Contact { point: i, speed: passing, other: Some(body.other) });
         }
         None
     }
@@ -282,11 +284,11 @@ impl Surroundings {
 }
 
 /// The margins to keep to a body, none if the vehicle is nearer now, and whether it overlaps.
-fn margin(body: &OrientedBox, own: &OrientedBox, settings: &RolloutSettings) -> ([f64; 2], bool) {
-    let margins = [settings.margin_length, settings.margin_width];
+fn margin(body: &OrientedBox, own: &OrientedBox, settings: &RolloutSettings) -> ([f64; 3], bool) {
+    let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
     let (half_length, half_width) = (body.half_length + margins[0], body.half_width + margins[1]);
     let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
-    if is_near { ([0.0; 2], own.overlaps(body)) } else { (margins, false) }
+    if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
 }
 
 /// The other would run with its front into the agent's rear half, although it can still stop.

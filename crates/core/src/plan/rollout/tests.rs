@@ -66,6 +66,28 @@ fn a_parked_van_is_passed_where_there_is_room_beside_it_and_waited_for_elsewhere
 }
 
 #[test]
+fn a_parked_van_is_passed_further_away_the_faster_where_there_is_room() {
+    // In the middle of the lane the agent, 1.61 m wide, has 0.15 m to the van, which is 2 m wide.
+    let beside = |speed: f64| {
+        let van = Car {
+            shape: Shape::rectangle(5.0, 2.0),
+            is_static: true,
+            ..Car::at(90.0, -0.5 * 1.61 - 0.15 - 1.0, 0.0, 0.0)
+        };
+        let mut drive = in_a_lane(6.0, speed).with_cars(vec![van]);
+        let mut nearest = f64::INFINITY;
+        while drive.place().0 < 94.0 {
+            drive_on(&mut drive, drive.dt);
+            let (s, d) = drive.place();
+            nearest = if s > 86.0 { nearest.min(d + 0.15) } else { nearest };
+        }
+        nearest
+    };
+    let fast = beside(15.0);
+    assert!(fast > 0.1 + 0.02 * 10.0, "{fast} m");
+}
+
+#[test]
 fn what_stands_is_evaded_at_23_mps_where_the_next_lane_is_free() {
     let lanes = |n: i64| -> Vec<_> {
         (0..n).map(|i| lane(i + 1, &straight((0.0, 3.5 * i as f64), (600.0, 3.5 * i as f64)))).collect()
