@@ -6,7 +6,7 @@ use super::super::frame::project;
 use super::super::passing::{Obstructions, Place};
 use super::contacts::Contact;
 use super::settings::{N_TERMS, RolloutSettings};
-use super::speeds::{Pace, Speeds, Task};
+use super::speeds::{Pace, Speeds, Task, WALKING_SPEED};
 use super::start::Start;
 use super::steering::{Along, Rollout, Steering};
 use super::{DANGER_COST, RolloutMemory};
@@ -213,6 +213,9 @@ impl<'a> Search<'a> {
                 paces.push(Pace::Bold);
             }
             paces.extend([Pace::Stopping, Pace::Braking]);
+            if self.task.start.velocity < WALKING_SPEED {
+                paces.push(Pace::Walking);
+            }
             let first = proposals.len();
             for pace in paces {
                 let Some(speeds) = self.speeds(pace, &ego) else { continue };
@@ -232,7 +235,7 @@ impl<'a> Search<'a> {
     fn swing_out(&mut self) {
         let ego = self.look(0.0);
         let mut proposals = Vec::new();
-        for pace in [Pace::Social, Pace::Walking] {
+        for pace in [Pace::Social, Pace::Half, Pace::Walking] {
             let Some(speeds) = self.speeds(pace, &ego) else { continue };
             proposals.push(self.proposal(pace, (MIDDLE, Steering::FIRM), speeds.clone()));
             for share in SWINGS {

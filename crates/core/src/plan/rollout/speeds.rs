@@ -46,7 +46,7 @@ const ROUNDING: f64 = 1e-9;
 /// Deceleration with which a vehicle that rolls backwards comes to a stop [m/s²].
 const ROLLING_BRAKING: f64 = 3.0;
 /// Walking pace [m/s].
-const WALKING_SPEED: f64 = 1.5;
+pub(super) const WALKING_SPEED: f64 = 1.5;
 /// How far ahead curves and limits count [m], and for how long [s].
 const REACH: (f64, f64) = (20.0, 6.0);
 
@@ -57,7 +57,9 @@ pub(super) enum Pace {
     Social,
     /// Behind leaders only, if it has crossed the ways of others at its end.
     Bold,
-    /// At walking pace, behind all that cross or join.
+    /// At half of the speed, behind all that cross or join.
+    Half,
+    /// The same at walking pace.
     Walking,
     /// Stops comfortably.
     Stopping,
@@ -75,6 +77,7 @@ impl Pace {
         match self {
             Self::Social => "social",
             Self::Bold => "bold",
+            Self::Half => "slower",
             Self::Walking => "walking",
             Self::Stopping => "stopping",
             Self::Braking => "braking",
@@ -160,9 +163,13 @@ impl Speeds {
             Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
-            Pace::Walking | Pace::Stopping | Pace::Braking => conflicts.yield_to_all(ego),
+            Pace::Half | Pace::Walking | Pace::Stopping | Pace::Braking => conflicts.yield_to_all(ego),
         }
-        let most = if pace == Pace::Walking { WALKING_SPEED } else { f64::INFINITY };
+        let (share, most) = match pace {
+            Pace::Half => (0.5, f64::INFINITY),
+            Pace::Walking => (1.0, WALKING_SPEED),
+            _ => (1.0, f64::INFINITY),
+        };
         // Who stops brakes no later than the road asks for.
         let stopping = match pace {
             Pace::Stopping => -comfort.deceleration,
@@ -172,7 +179,7 @@ impl Speeds {
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {
-            let cap = profile.at(s + PREVIEW * velocity).min(task.wish).min(most);
+            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
             let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);

@@ -77,7 +77,7 @@ fn a_parked_van_is_passed_further_away_the_faster_where_there_is_room() {
         let mut drive = in_a_lane(6.0, speed).with_cars(vec![van]);
         let mut nearest = f64::INFINITY;
         while drive.place().0 < 94.0 {
-            drive_on(&mut drive, drive.dt);
+            drive_on(&mut drive, 0.1);
             let (s, d) = drive.place();
             nearest = if s > 86.0 { nearest.min(d + 0.15) } else { nearest };
         }
