@@ -36,6 +36,8 @@ FEW = 0.05
 LEADER_GAP, LEADER_TIME = 8.0, 2.0
 #: ... if it is in the agent's corridor, which is wider than the agent by this on each side [m].
 CORRIDOR = 0.3
+#: Deceleration with which an agent comes to a stop before a barrier [m/s²].
+BRAKING = 2.0
 #: A place counts as reached from this far before it on [m].
 REACHED = 0.5
 #: Causes by the words of a rejection; other words stand for themselves.
@@ -183,11 +185,26 @@ class _Moment:
         """The cost term that keeps an agent from the cheapest of the faster samples that it could drive."""
         chosen = int(found["chosen"])
         if chosen < 0 or not len(faster):
-            return "no faster sample", -1
+            return self._held(agent)
         best = faster[np.nanargmin(found["cost"][faster])]
         term = found["term_names"][int(np.nanargmax(found["terms"][best] - found["terms"][chosen]))]
         behind = self._behind_a_leader(agent) if term in _OF_OTHERS else None
         return behind or (f"cost of {term}", -1)
+
+    def _held(self, agent: int) -> tuple[str, int]:
+        """What keeps an agent slow whose planner drives nothing faster: a leader, a barrier, or the road."""
+        if leader := self._behind_a_leader(agent):
+            return leader
+        ego = self._world.view(self._scene, agent).ego
+        here = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0])
+        reach = ego.vehicle.length + LEADER_GAP + LEADER_TIME * ego.velocity + ego.velocity**2 / (2.0 * BRAKING)
+        barriers = ego.barriers
+        near = [i for i in range(len(barriers)) if 0.0 <= barriers.s[i] - here < reach]
+        if not near:
+            return "curve or limit", -1
+        first = min(near, key=lambda i: float(barriers.s[i]))
+        by = int(barriers.by_id[first])
+        return barriers.reason[first].replace("_", " "), by if by in self._driving else -1
 
     def _behind_a_leader(self, agent: int) -> tuple[str, int] | None:
         """The leader as a cause, if there is one."""

@@ -17,8 +17,8 @@ const RETURN_TIME: f64 = 2.5;
 const HELD_UP_COST: f64 = 1.0;
 /// Ways beside the middle of the lane [m].
 const ASIDE: [f64; 4] = [0.5, -0.5, 1.0, -1.0];
-/// A way that is further from where the agent is may be taken gently [m].
-const GENTLE_OFFSET: f64 = 0.5;
+/// A way that is further from where the agent is may be taken gently or quickly [m].
+const STEERING_OFFSET: f64 = 0.5;
 /// Plans that cost more where the road is narrow swing out first.
 const STUCK_COST: f64 = 3.0;
 /// Swinging out costs this from the beginning: the wheels are turned for more than the cost sees.
@@ -222,8 +222,9 @@ impl<'a> Search<'a> {
                 if proposals[first..].iter().any(|known| known.speeds == speeds) {
                     continue;
                 }
-                if (self.task.start.d - offset).abs() > GENTLE_OFFSET {
+                if (self.task.start.d - offset).abs() > STEERING_OFFSET {
                     proposals.push(self.proposal(pace, (target, Steering::GENTLE), speeds.clone()));
+                    proposals.push(self.proposal(pace, (target, Steering::QUICK), speeds.clone()));
                 }
                 proposals.push(self.proposal(pace, (target, Steering::FIRM), speeds));
             }
