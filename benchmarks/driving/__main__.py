@@ -20,9 +20,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import tables
-from drives import Driven, ReachableCache, drive
+from drives import Drive, Driven, ReachableCache, drive
 from places import halves, place_of, places, scenario_files
-from realism import distances
+from realism import Samples, distances
 
 from interdrive.config.binding import bind
 from interdrive.config.plugins import DEFAULT_PLANNER
@@ -30,6 +30,8 @@ from interdrive.config.schema import SimulationSettings
 from interdrive.files import scenario_folders
 
 ROOT = Path(__file__).resolve().parents[2]
+#: Paragraphs that say how it went; the others say why.
+N_BRIEF = 4
 
 
 def drive_all(
@@ -45,6 +47,20 @@ def drive_all(
         driven = [futures[path].result() for path in files]
     cache.keep(driven)
     return driven
+
+
+def paragraphs(drives: list[Drive], samples: list[Samples], half: dict[str, str]) -> list[str]:
+    """All tables, the first `N_BRIEF` of which say how it went."""
+    return [
+        tables.shares(drives),
+        f"Reachable agents: {tables.outcomes(drives)}. Agents that break a rule: {tables.violations(drives)}.",
+        f"Manner of driving:\n\n{tables.manner(drives)}",
+        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}.",
+        f"By halves of the places:\n\n{tables.halves(drives, half)}",
+        f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
+        f"Seconds lost by cause:\n\n{tables.causes(drives)}",
+        f"Distances to the recordings:\n\n{tables.realism(distances(samples))}",
+    ]
 
 
 def main() -> int:
@@ -90,22 +106,12 @@ def main() -> int:
     driven = drive_all(files, arguments.planner, arguments.predictor, settings, arguments.workers, cache)
     drives = [row for one in driven for row in one.drives]
     tables.write_csv(drives, arguments.csv)
-    samples = [sample for one in driven for sample in one.samples]
-    written = [
-        tables.shares(drives),
-        f"Reachable agents: {tables.outcomes(drives)}. Agents that break a rule: {tables.violations(drives)}.",
-        f"Manner of driving:\n\n{tables.manner(drives)}",
-        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}.",
-        f"By halves of the places:\n\n{tables.halves(drives, half)}",
-        f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
-        f"Seconds lost by cause:\n\n{tables.causes(drives)}",
-        f"Distances to the recordings:\n\n{tables.realism(distances(samples))}",
-    ]
-    text = "\n\n".join(written)
-    print(text)
+    written = paragraphs(drives, [sample for one in driven for sample in one.samples], half)
+    print("\n\n".join(written))
     if page:
-        brief = "\n\n".join(written[:4]) if arguments.section else text
-        arguments.page.write_text(tables.put_into(page, brief, markers), encoding="utf-8")
+        text = "\n\n".join(written[:N_BRIEF] if arguments.section else written)
+        page = arguments.page.read_text(encoding="utf-8")  # others may have written into it meanwhile
+        arguments.page.write_text(tables.put_into(page, text, markers), encoding="utf-8")
     if old is not None:
         # Both sides with the digits of the file, or the same drives would differ.
         print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, tables.read_csv(arguments.csv))}")

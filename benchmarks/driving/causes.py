@@ -185,23 +185,23 @@ class _Moment:
         """The cost term that keeps an agent from the cheapest of the faster samples that it could drive."""
         chosen = int(found["chosen"])
         if chosen < 0 or not len(faster):
-            return self._held(agent)
+            return self._held(agent) if chosen >= 0 else ("no plan", -1)
         best = faster[np.nanargmin(found["cost"][faster])]
         term = found["term_names"][int(np.nanargmax(found["terms"][best] - found["terms"][chosen]))]
         behind = self._behind_a_leader(agent) if term in _OF_OTHERS else None
         return behind or (f"cost of {term}", -1)
 
     def _held(self, agent: int) -> tuple[str, int]:
-        """What keeps an agent slow whose planner drives nothing faster: a leader, a barrier, or the road."""
+        """What keeps an agent slow whose planner drives nothing faster: a leader or a barrier, if there is one."""
         if leader := self._behind_a_leader(agent):
             return leader
         ego = self._world.view(self._scene, agent).ego
-        here = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0])
-        reach = ego.vehicle.length + LEADER_GAP + LEADER_TIME * ego.velocity + ego.velocity**2 / (2.0 * BRAKING)
+        front = float(ego.route.project(np.array([ego.x]), np.array([ego.y]))[0][0]) + 0.5 * ego.vehicle.length
+        reach = LEADER_GAP + LEADER_TIME * ego.velocity + ego.velocity**2 / (2.0 * BRAKING)
         barriers = ego.barriers
-        near = [i for i in range(len(barriers)) if 0.0 <= barriers.s[i] - here < reach]
+        near = [i for i in range(len(barriers)) if -REACHED <= barriers.s[i] - front < reach]
         if not near:
-            return "curve or limit", -1
+            return "neither leader nor barrier", -1
         first = min(near, key=lambda i: float(barriers.s[i]))
         by = int(barriers.by_id[first])
         return barriers.reason[first].replace("_", " "), by if by in self._driving else -1

@@ -14,6 +14,7 @@ from comfort import UNKNOWN, extremes
 from events import events
 from free_way import free
 from pace import paces
+from places import category_of
 from realism import Samples, samples_of
 
 from interdrive.config.plugins import DEFAULT_PLANNER
@@ -152,7 +153,7 @@ def drive(
         _row(run, i, path, place, agent.id in known, delays[agent.id], failures, simulation)
         for i, agent in enumerate(run.agents)
     )
-    samples = tuple(samples_of(run, i, routes[i], path.parent.name) for i in range(len(run.agents)))
+    samples = tuple(samples_of(run, i, routes[i], category_of(path)) for i in range(len(run.agents)))
     return Driven(path, digest, known, drives, tuple(one for one in samples if one is not None))
 
 
@@ -204,7 +205,7 @@ def _row(
     pace, recorded_pace = paces(run, i, route, simulation.road)
     broken = _broken(run, agent.id, "agent")
     return Drive(
-        category=path.parent.name,
+        category=category_of(path),
         place=place,
         scenario=path.stem,
         agent_id=agent.id,

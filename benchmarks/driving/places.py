@@ -18,6 +18,11 @@ def scenario_files(folder: Path) -> list[Path]:
     return sorted(folder.glob("*/*.xml")) or sorted(folder.glob("*.xml"))
 
 
+def category_of(path: Path) -> str:
+    """The folder of a file; "all" is the row of all categories."""
+    return "files" if path.parent.name == "all" else path.parent.name
+
+
 def places() -> dict[str, tuple[str, ...]]:
     """Names of places, and the patterns of their files."""
     listed = tomllib.loads(SPLIT.read_text(encoding="utf-8"))["place"]
@@ -37,7 +42,7 @@ def halves(files: list[Path], known: dict[str, tuple[str, ...]]) -> dict[str, st
     """Places by halves A and B, in turns by name among those of a category, the category of most of their files."""
     categories: dict[str, Counter[str]] = {}
     for path in files:
-        categories.setdefault(place_of(path, known), Counter())[path.parent.name] += 1
+        categories.setdefault(place_of(path, known), Counter())[category_of(path)] += 1
     ordered = sorted((count.most_common(1)[0][0], name) for name, count in categories.items())
     found, previous = {}, {}
     for category, name in ordered:

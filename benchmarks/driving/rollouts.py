@@ -1,4 +1,4 @@
-"""How many roll-outs a plan of the planner `rollout` takes, see docs/reference/planner_rollout.md.
+"""How many roll-outs of the planner `rollout` are judged per plan, see docs/reference/planner_rollout.md.
 
     python benchmarks/driving/rollouts.py                          # in $INTERDRIVE_SCENARIOS or ../shared/scenarios
     python benchmarks/driving/rollouts.py --agents 24 FILE ...     # 24 agents per scenario
@@ -10,12 +10,13 @@ cost too much before that; they are not counted. Prints Markdown; the numbers do
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from places import scenario_files
+from places import category_of, scenario_files
 
 from interdrive.errors import InterdriveError
 from interdrive.files import scenario_folders
@@ -29,8 +30,9 @@ SETTINGS = {"record.candidates": 10_000, "record.candidate_spacing": 1e-3}
 def counts(path: Path, agents: int | None) -> list[int]:
     """Roll-outs of every plan of a scenario; of none if it cannot be run."""
     try:
-        run = simulate(path, agents=agents or "all", planner="rollout", settings=SETTINGS, threads=1)
-    except InterdriveError:
+        run = simulate(path, agents="all" if agents is None else agents, planner="rollout", settings=SETTINGS, threads=1)
+    except InterdriveError as error:
+        print(f"{path.name}: {error}", file=sys.stderr)
         return []
     found = run.candidates
     if found is None:
@@ -50,7 +52,7 @@ def main() -> None:
     by_name: dict[str, list[int]] = defaultdict(list)
     with ProcessPoolExecutor(arguments.workers) as pool:
         for path, number in zip(files, pool.map(counts, files, [arguments.agents] * len(files)), strict=True):
-            by_name[path.stem if arguments.files else path.parent.name] += number
+            by_name[path.stem if arguments.files else category_of(path)] += number
     by_name["all"] = [one for number in by_name.values() for one in number]
     print("| | plans | mean | median | 90 % | 99 % | most |\n|---|--:|--:|--:|--:|--:|--:|")
     for name, number in by_name.items():

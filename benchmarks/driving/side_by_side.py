@@ -1,4 +1,4 @@
-"""The same agents with other predictors, and among traffic that interacts less: tables of docs/research/driving.md.
+"""The same agents with other predictors, and among traffic that interacts less: see docs/research/log/driving.md.
 
     python benchmarks/driving/side_by_side.py                          # continues what an earlier call began
     python benchmarks/driving/side_by_side.py --page PAGE        # writes its tables between the markers of a page, too

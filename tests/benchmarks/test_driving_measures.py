@@ -261,3 +261,8 @@ def test_agents_in_time_never_stand_without_collisions_and_violations(part, row)
 def test_a_file_shows_the_place_of_the_split_or_the_map_that_its_name_states(part, name, place):
     places = part("places")
     assert places.place_of(Path(f"{name}.xml"), places.places()) == place
+
+
+@pytest.mark.parametrize(("folder", "category"), [("urban", "urban"), ("all", "files")])
+def test_files_of_a_folder_called_all_are_not_counted_twice(part, folder, category):
+    assert part("places").category_of(Path(folder) / "USA_US101-1_1_T-1.xml") == category

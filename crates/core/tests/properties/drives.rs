@@ -52,6 +52,7 @@ fn rollout(source: &mut Source) -> RolloutSettings {
     changed.horizon = source.any(0.5, 5.0);
     changed.margin_length = source.any(0.0, 2.0);
     changed.margin_width = source.any(0.0, 2.0);
+    changed.margin_time = source.any(0.0, 0.1);
     changed.collision_mode_probability = source.any(0.0, 1.0);
     changed.weights.contact = source.any(0.0, 200.0);
     changed.weights.off_road = source.any(0.0, 500.0);

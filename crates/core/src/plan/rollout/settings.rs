@@ -45,8 +45,8 @@ settings! {
         margin_length: f64 ["m"] = 0.25, between(0.0, 100.0);
         /// Distance kept to others where there is room, beside them.
         margin_width: f64 ["m"] = 0.1, between(0.0, 100.0);
-        /// Times the speed relative to another: the distance that is kept beside it in addition.
-        margin_time: f64 ["s"] = 0.02, between(0.0, 1.0);
+        /// Additional distance kept beside others where there is room, per m/s of relative speed.
+        margin_time: f64 ["s"] = 0.02, between(0.0, 0.1);
         /// Smallest probability of a predicted mode that a plan must not hit; the most probable mode always counts.
         collision_mode_probability: f64 = 0.2, between(0.0, 1.0);
         /// Takes the line of least curvature within its lane instead of the reference path.

@@ -59,7 +59,7 @@ pub(super) enum Pace {
     Bold,
     /// At half of the speed, behind all that cross or join.
     Half,
-    /// The same at walking pace.
+    /// At walking pace, behind all that cross or join.
     Walking,
     /// Stops comfortably.
     Stopping,
