@@ -9,8 +9,11 @@ from dataclasses import replace
 import pytest
 from click.testing import CliRunner
 
+from interdrive import shipped_scenario
 from interdrive.adversaries import ADVERSARIES, Drive, rank_adversaries
 from interdrive.adversaries.ranking import HONEST_DRIVERS, ranked
+from interdrive.adversaries.trial import Place
+from interdrive.adversaries.trial import trial as drives_at
 from interdrive.cli import main
 from interdrive.errors import InputError
 
@@ -105,6 +108,19 @@ def test_crude_ones_are_below_every_honest_driver_there(trial):
     assert "an adversary that raises" in reasons["Error"]
     assert "speed limit" in reasons["Speeder"]
     assert "did not arrive" in reasons["GoStop"]
+
+
+def test_who_passes_on_red_gets_nothing_where_honest_drivers_wait(monkeypatch):
+    names = ("RedRunner", "Bully", "rollout_norules")
+    monkeypatch.setattr("interdrive.adversaries.trial.ADVERSARIES", tuple(BY_NAME[name] for name in names))
+    found = drives_at(Place(shipped_scenario("signals"), "signals", "signals", 1014))
+    assert not isinstance(found, str), found
+    at_light = {row.driver: row for row in found}
+    for name in names:
+        assert at_light[name].acts, name
+        assert at_light[name].score == 0.0, at_light[name].why
+        assert "passed a red light" in at_light[name].why
+    assert min(at_light[name].score for name in HONEST_DRIVERS) > 0.5
 
 
 def test_bad_input_is_one_line():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from interdrive.native_settings import Idm, Lawful
+from interdrive.native_settings import Idm, Lawful, Rollout, RulesSettings
 from interdrive.planners import Trajectory
 
 if TYPE_CHECKING:
@@ -276,6 +276,19 @@ class Bully(Driver):
     obeys_rules = False
 
 
+class RedRunner(Driver):
+    """Obeys everything but traffic lights."""
+
+    def rate(self, view: _core.View) -> float:
+        """As lawful, but no light holds it."""
+        found = self.car_following(view.ego.velocity, lawful_speed(view), *leader(view))
+        held = view.ego.barriers
+        for s, until, reason in zip(held.s.tolist(), held.until.tolist(), held.reason, strict=True):
+            if reason != "light" and until > 0.0:
+                found = min(found, self.before_line(view, s))
+        return found
+
+
 class HitMe(Driver):
     """Stops in front of a fast follower, to be hit."""
 
@@ -313,14 +326,16 @@ class Adversary:
         planner: Factory of its planner, or a record of a native one.
         base: The honest driver from which it differs: a driver of the panel, or `HONEST`.
         is_crude: Whether its vice acts in every drive.
+        rules: Rules that it obeys; None: all.
         loss_max: Most points that a control may lose against its base; inf if it is no control.
     """
 
     name: str
     text: str
-    planner: Callable[[], Planner] | Idm | Lawful
+    planner: Callable[[], Planner] | Idm | Lawful | Rollout
     base: str
     is_crude: bool = True
+    rules: RulesSettings | None = None
     loss_max: float = math.inf
 
     @property
@@ -355,6 +370,15 @@ ADVERSARIES = (
     _of(HitMe, is_crude=False),
     _of(WaitForever, is_crude=False),
     _of(Bully, is_crude=False),
+    _of(RedRunner, is_crude=False),
+    Adversary(
+        "rollout_norules",
+        "The default planner, which obeys no rules.",
+        Rollout(),
+        "rollout",
+        is_crude=False,
+        rules=RulesSettings(enabled=False),
+    ),
     Adversary(
         "Slow09", "0.9 of the lawful speed: an honest control.", Lawful(speed_factor=0.9), "lawful", loss_max=3.0
     ),

@@ -21,11 +21,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.config.specs import PlannerSpec
+    from interdrive.native_settings import RulesSettings
     from interdrive.panel.stored import PanelFolder
     from interdrive.scenario import Scenario
 
 #: How the others drive, and what all expect of each other.
 TRAFFIC, PREDICTOR = "velocity_adjusting", "lane_following"
+
+#: Gates that rules of the road lower; a little speeding is left out.
+_RULES = ("direction", "red_light", "crosswalk", "stop_sign", "right_of_way")
 
 #: A vice acts if the adversary is this far from its base at some step [m].
 _DIFFERENT = 0.05
@@ -86,14 +90,13 @@ def _trial(place: Place, stored: PanelFolder | None) -> list[Drive]:
     panel = panel_drives(world, PANEL, settings, measures_hindrance=True, stored=stored)
     rows = []
 
-    def driven(planner: PlannerSpec) -> tuple[facts.Drive, Hindrance]:
-        run = world.driven_by(planner)
+    def driven(planner: PlannerSpec, rules: RulesSettings | None = None) -> tuple[facts.Drive, Hindrance]:
+        run = world.driven_by(planner, rules)
         drive = facts.drives_of(run, [place.agent_id], settings)[place.agent_id]
         return drive, Hindrance() if panel.without is None else hindrance_of(drive, run, panel.without)
 
-    def add(name: str, drive: facts.Drive, taken: Hindrance, base: facts.Drive | None) -> None:
+    def add(name: str, drive: facts.Drive, taken: Hindrance, *, acts: bool = True) -> None:
         _, total, reasons = judged(drive, taken, panel, settings)
-        acts = base is None or _differs(drive, base)
         rows.append(
             Drive(name, place.file, place.road, place.agent_id, total.score, drive.in_time, acts, "; ".join(reasons))
         )
@@ -101,9 +104,11 @@ def _trial(place: Place, stored: PanelFolder | None) -> list[Drive]:
     honest = {name: (drive, panel.hindrances.get(name, Hindrance())) for name, drive in panel.drives.items()}
     honest[HONEST] = driven(Driver)
     for name, (drive, taken) in honest.items():
-        add(name, drive, taken, None)
+        add(name, drive, taken)
     for adversary in ADVERSARIES:
-        add(adversary.name, *driven(adversary.planner), honest[adversary.base][0])
+        drive, taken = driven(adversary.planner, adversary.rules)
+        differs = _differs if adversary.rules is None else _breaks_more
+        add(adversary.name, drive, taken, acts=differs(drive, honest[adversary.base][0]))
     return rows
 
 
@@ -119,3 +124,8 @@ def _differs(drive: facts.Drive, base: facts.Drive) -> bool:
     if drive.x.shape != base.x.shape:
         return True
     return bool(np.hypot(drive.x - base.x, drive.y - base.y).max(initial=0.0) > _DIFFERENT)
+
+
+def _breaks_more(drive: facts.Drive, base: facts.Drive) -> bool:
+    """A rule of the road lowers a gate further."""
+    return any(drive.gates.get(name, 1.0) < base.gates.get(name, 1.0) for name in _RULES)

@@ -125,13 +125,13 @@ class World:
             **{**options, "settings": flatten(options["settings"])},
         }
 
-    def driven_by(self, planner: PlannerSpec) -> Run:
-        """The same run with a `planner` that obeys all rules in the place of the agent."""
+    def driven_by(self, planner: PlannerSpec, rules: RulesSettings | None = None) -> Run:
+        """The same run with a `planner` in the place of the agent, which obeys `rules` (None: all)."""
         return simulate(
             self.scenario,
             agents=[self.agent_id, *self.others],
             planner={**self.others, self.agent_id: planner},
-            rules={**self.rules, self.agent_id: RulesSettings()},
+            rules={**self.rules, self.agent_id: rules or RulesSettings()},
             **self.options,
         )
 
