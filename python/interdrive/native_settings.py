@@ -89,8 +89,8 @@ class Rollout:
         road_margin: Distance kept to the edge of the road where there is room. Between 0 and 10.
         margin_length: Distance kept to others where there is room, before and behind them. Between 0 and 100.
         margin_width: Distance kept to others where there is room, beside them. Between 0 and 100.
-        margin_time: Times the speed relative to another: the distance that is kept beside it in addition. Between 0
-            and 1.
+        margin_time: Additional distance kept beside others where there is room, per m/s of relative speed. Between
+            0 and 0.1.
         collision_mode_probability: Smallest probability of a predicted mode that a plan must not hit; the most
             probable mode always counts. Between 0 and 1.
         cut_bends: Takes the line of least curvature within its lane instead of the reference path.
