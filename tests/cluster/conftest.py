@@ -66,14 +66,13 @@ def seen(address: str) -> tuple[int, str]:
     return int(count or 0), through
 
 
-def connect_through(address: str, folder: Path) -> None:
-    """Makes programs on this machine connect through a node, whichever was the last one to start.
+def written_by_nodes(folder: Path) -> list[Path]:
+    """Files that name the node through which programs on this machine connect: whichever was the last one to start.
 
-    The file of a session, not of the link to the latest: each node that starts takes the link away for a moment.
+    Those of sessions, not of the link to the latest: each node that starts takes the link away for a moment.
     """
-    for written in folder.glob("session_*/node_ip_address.json"):
-        if not written.parent.is_symlink():
-            written.write_text(json.dumps({"node_ip_address": address}))
+    found = folder.glob("session_*/node_ip_address.json")
+    return [path for path in found if not path.parent.is_symlink()]
 
 
 @contextlib.contextmanager
@@ -96,9 +95,13 @@ def started():
             assert time.monotonic() < until, "the head did not start"
         here = now[1]
         node = start(f"--address={address}", "--node-ip-address=127.0.0.2")
+        while not any("127.0.0.2" in path.read_text() for path in written_by_nodes(Path(folder))):
+            assert time.monotonic() < until, "the second node did not start"
+            time.sleep(0.05)
+        for path in written_by_nodes(Path(folder)):
+            path.write_text(json.dumps({"node_ip_address": here}))
         while (now := seen(address)) != (2, here):
             assert time.monotonic() < until, ("the second node did not start", now)
-            connect_through(here, Path(folder))
         yield Cluster(address, head, node)
     finally:
         for process in (node, head):
