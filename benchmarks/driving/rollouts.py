@@ -30,7 +30,9 @@ SETTINGS = {"record.candidates": 10_000, "record.candidate_spacing": 1e-3}
 def counts(path: Path, agents: int | None) -> list[int]:
     """Roll-outs of every plan of a scenario; of none if it cannot be run."""
     try:
-        run = simulate(path, agents="all" if agents is None else agents, planner="rollout", settings=SETTINGS, threads=1)
+        run = simulate(
+            path, agents="all" if agents is None else agents, planner="rollout", settings=SETTINGS, threads=1
+        )
     except InterdriveError as error:
         print(f"{path.name}: {error}", file=sys.stderr)
         return []
