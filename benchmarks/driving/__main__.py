@@ -63,6 +63,12 @@ def paragraphs(drives: list[Drive], samples: list[Samples], half: dict[str, str]
     ]
 
 
+def print_refused(driven: list[Driven]) -> None:
+    """How many scenarios there were, and which of them could not be driven."""
+    refused = [f"{one.path.parent.name}/{one.path.name}: {one.refused}" for one in driven if one.refused]
+    print(f"\n{len(driven)} scenarios, refused: {len(refused)}", *refused, sep="\n- ")
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="driving", description=(__doc__ or "").splitlines()[0])
     default = next(iter(scenario_folders()), ROOT.parent / "shared" / "scenarios")
@@ -110,14 +116,13 @@ def main() -> int:
     print("\n\n".join(written))
     if page:
         text = "\n\n".join(written[:N_BRIEF] if arguments.section else written)
-        page = arguments.page.read_text(encoding="utf-8")  # others may have written into it meanwhile
-        arguments.page.write_text(tables.put_into(page, text, markers), encoding="utf-8")
+        now = arguments.page.read_text(encoding="utf-8")  # others may have written into it meanwhile
+        arguments.page.write_text(tables.put_into(now, text, markers), encoding="utf-8")
     if old is not None:
         # Both sides with the digits of the file, or the same drives would differ.
         print(f"\n## Against {arguments.against.name}\n\n{tables.changes(old, tables.read_csv(arguments.csv))}")
     print(f"\n## Failures\n\n{tables.failures(drives)}")
-    refused = [f"{one.path.parent.name}/{one.path.name}: {one.refused}" for one in driven if one.refused]
-    print(f"\n{len(files)} scenarios, refused: {len(refused)}", *refused, sep="\n- ")
+    print_refused(driven)
     print(f"\n{time.perf_counter() - begun:.0f} s; a row per agent: {arguments.csv}")
     return 0
 
