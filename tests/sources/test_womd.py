@@ -80,6 +80,33 @@ def test_opposite_lanes_are_neighbours_and_lanes_alone_have_the_usual_width():
     np.testing.assert_allclose(roads.lanes[0].right[:, 1], -1.75)
 
 
+@pytest.mark.parametrize("apart", [5.6, 7.0, 7.9])
+def test_lanes_far_apart_share_the_ground_between_them_as_far_as_lanes_are_wide(apart):
+    back = CentreLine("back", line((0, 60), apart).points[::-1].copy())
+    roads = lanes_of([line((0, 60), 0.0), back], [], "map", Notes())
+    np.testing.assert_allclose(roads.lanes[0].left[:, 1], 2.6)
+    np.testing.assert_allclose(roads.lanes[1].left[:, 1], apart - 2.6)
+    assert roads.lanes[0].left_neighbour is None
+
+
+def test_lanes_that_draw_apart_have_borders_without_a_jump():
+    x = np.arange(0.0, 120.25, 0.5)
+    bent = CentreLine("b", np.column_stack((x, 4.0 + 3.0 * x / 120.0)))
+    roads = lanes_of([line((0, 120), 0.0), bent], [], "map", Notes())
+    borders = [lane.left[:, 1] for lane in roads.lanes if lane.key.startswith("a")]
+    assert max(np.abs(np.diff(border)).max() for border in borders) < 0.06
+    assert borders[-1][-1] == pytest.approx(2.6, abs=0.05)
+
+
+def test_a_median_or_a_line_beyond_reach_bounds_a_lane_as_before():
+    back = CentreLine("back", line((0, 60), 7.0).points[::-1].copy())
+    median = np.array([[0.0, 2.0], [60.0, 2.0]])
+    roads = lanes_of([line((0, 60), 0.0), back], [median], "map", Notes())
+    np.testing.assert_allclose(roads.lanes[0].left[:, 1], 2.0)
+    beyond = lanes_of([line((0, 60), 0.0), CentreLine("c", back.points + (0.0, 1.5))], [], "map", Notes())
+    np.testing.assert_allclose(beyond.lanes[0].left[:, 1], 1.75)
+
+
 def test_lines_of_few_points_are_as_good_as_dense_ones():
     coarse = [
         CentreLine("a", np.array([[0.0, 0.0], [60.0, 0.0]])),
@@ -150,7 +177,7 @@ def test_in_real_scenes_lanes_are_linked_and_vehicles_are_on_them(inputs_folder)
         assert found == (wanted["pieces"], wanted["links"], wanted["adj"]), name
         centres, corners = shares_on_lanelets(scenario)
         assert centres >= min(0.99, values["coverage"]["W3_centre"] - 5e-4), name
-        assert corners >= values["coverage"]["W3_corners"] - 0.02, name
+        assert corners >= values["coverage"]["W3_corners"] - 5e-4, name
         assert not [line for line in map_defects(lanelets) if "link" in line], name
         first = values["sdc"]["first"]
         row = next(
@@ -168,4 +195,4 @@ def test_agents_of_real_scenes_reach_their_goals_in_time_and_none_collides(input
     ]
     assert len(outcomes) == 89
     assert outcomes.count("collision") == 0
-    assert outcomes.count("goal_reached") >= 80
+    assert outcomes.count("goal_reached") >= 84

@@ -37,6 +37,8 @@ _JOINED, _JOINED_TURN = 1.0, math.radians(45.0)
 _SAME_JOINT = 0.01
 #: Lines are parallel if their headings differ by at most this [rad], and beside each other within these distances [m].
 _PARALLEL, _BESIDE = math.radians(20.0), (2.0, 5.5)
+#: A line so far beside another one shares the ground between them [m]: the middle counts as far as an edge of the road.
+_SHARES = (2.0, 8.0)
 #: A point is beside another one if it is at most this far ahead or behind [m].
 _ALONG = 0.6
 #: Distances from an edge of the road that count [m]; points of edges lie this far apart [m].
@@ -195,8 +197,8 @@ def _turn(one: Floats | float, other: Floats | float) -> Floats:
     return found
 
 
-def _is_beside(lateral: Floats) -> Bools:
-    return (np.abs(lateral) > _BESIDE[0]) & (np.abs(lateral) < _BESIDE[1])
+def _is_beside(lateral: Floats, within: tuple[float, float] = _BESIDE) -> Bools:
+    return (np.abs(lateral) > within[0]) & (np.abs(lateral) < within[1])
 
 
 # Half widths
@@ -205,11 +207,11 @@ def _is_beside(lateral: Floats) -> Bools:
 def _half_widths(table: _Table, edges: Sequence[Floats]) -> Floats:
     """Half widths to the left and right of every point [m], shape (2, points)."""
     nearest = np.full((2, len(table.points)), np.inf)
-    reach = math.hypot(_BESIDE[1], _ALONG)
+    reach = math.hypot(_SHARES[1], _ALONG)
     for rows, others in Nearby(table.points, reach).pairs(table.points):
         ahead, left = table.apart(rows, table.points[others])
         turn = _turn(table.heading[rows], table.heading[others])
-        fits = (np.abs(ahead) < _ALONG) & _is_beside(left) & (table.line[rows] != table.line[others])
+        fits = (np.abs(ahead) < _ALONG) & _is_beside(left, _SHARES) & (table.line[rows] != table.line[others])
         fits &= (turn < _PARALLEL) | (turn > np.pi - _PARALLEL)
         _lower(nearest, rows[fits], left[fits], 0.5)
     spaced = [_spaced(edge, _EDGE_SPACING) for edge in edges if len(edge) > 1]

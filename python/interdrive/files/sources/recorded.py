@@ -13,6 +13,7 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files.motion import Track, completed, wrapped
+from interdrive.files.sources.stated_speeds import put_right
 from interdrive.scenario import KINDS, STATE_FIELDS, Obstacles, Shape, limits
 
 if TYPE_CHECKING:
@@ -113,6 +114,9 @@ def recorded(tracks: Tracks, options: SourceOptions, taken: Sequence[int], file:
         n_states = sum(len(part.time_steps) for _, part in kept)
         limits.require_table(len(kept), last + 1, n_states, "the recording", file)
     derived = [_missing_first(part) for _, part in kept]
+    for owner, part in kept:
+        if put_right(part.values[:, 3], clock.dt):
+            notes.name("speeds to which no vehicle can change taken from those around, tracks", tracks.names[owner][:20])
     return _tables(
         _ids(tracks, [owner for owner, _ in kept], taken, file),
         [tracks.kinds[owner] for owner, _ in kept],
