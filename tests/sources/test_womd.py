@@ -103,7 +103,8 @@ def test_a_median_or_a_line_beyond_reach_bounds_a_lane_as_before():
     median = np.array([[0.0, 2.0], [60.0, 2.0]])
     roads = lanes_of([line((0, 60), 0.0), back], [median], "map", Notes())
     np.testing.assert_allclose(roads.lanes[0].left[:, 1], 2.0)
-    beyond = lanes_of([line((0, 60), 0.0), CentreLine("c", back.points + (0.0, 1.5))], [], "map", Notes())
+    far = CentreLine("c", line((0, 60), 8.5).points[::-1].copy())
+    beyond = lanes_of([line((0, 60), 0.0), far], [], "map", Notes())
     np.testing.assert_allclose(beyond.lanes[0].left[:, 1], 1.75)
 
 

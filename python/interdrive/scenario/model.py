@@ -254,6 +254,7 @@ class ScenarioSource:
         options: Name and text of every option that was not the default.
         keys: What the source calls each lanelet, in their order.
         location: Where on earth the roads are, in the words of the source; empty: unknown.
+        lights: Ids of traffic lights that the source labels, and their labels.
     """
 
     format: str
@@ -261,6 +262,7 @@ class ScenarioSource:
     options: tuple[tuple[str, str], ...] = ()
     keys: tuple[str, ...] = ()
     location: str = ""
+    lights: tuple[tuple[int, str], ...] = ()
 
     def __repr__(self) -> str:
         return f"<ScenarioSource: {self.format}, {', '.join(name for name, _ in self.files)}>"

@@ -32,12 +32,13 @@ _RANKS = {"stop": RANKS["STOP"], "yield": RANKS["YIELD"], "priority": RANKS["PRI
 
 @dataclass(frozen=True)
 class Control:
-    """Traffic lights, stop lines, ranks and crosswalks, as `Scenario` and `Priorities` hold them."""
+    """Traffic lights, stop lines, ranks and crosswalks, as `Scenario` and `Priorities` hold them; labels of lights."""
 
     lights: tuple[TrafficLight, ...]
     lines: tuple[StopLine, ...]
     ranks: tuple[tuple[int, tuple[int, int, int]], ...]
     crosswalks: tuple[int, ...]
+    labels: tuple[tuple[int, str], ...]
 
 
 class _Builder:
@@ -48,12 +49,15 @@ class _Builder:
         self.rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
         self.notes = notes
         self.lights: dict[tuple[str, _Cycle, frozenset[Turn]], TrafficLight] = {}
+        self.labels: dict[int, str] = {}
 
-    def light(self, name: str, cycle: _Cycle, directions: frozenset[Turn]) -> TrafficLight:
+    def light(self, name: str, cycle: _Cycle, directions: frozenset[Turn], label: str) -> TrafficLight:
         key = (name, cycle, directions)
         if key not in self.lights:
             number = len(self.rows) + len(self.lights) + 1
             self.lights[key] = TrafficLight(number, cycle[0], cycle[1], frozenset(directions))
+            if label:
+                self.labels[number] = label
         return self.lights[key]
 
     def end_of(self, number: int) -> Floats:
@@ -110,6 +114,7 @@ def control_of(
         tuple(lines),
         tuple(sorted(ranks.items())),
         tuple(number for number, kinds in crossed if "crosswalk" in kinds),
+        tuple(built.labels.items()),
     )
 
 
@@ -149,9 +154,10 @@ def _lights_at(
     turns = built.turns_at(number)
     if lights and not turns:
         built.notes.leave_out("traffic lights of lanes that lead nowhere", "", len(lights))
+    labels = {light.name: light.label for light in lights}
     shown: dict[Turn, tuple[str, _Cycle]] = {}
     for light in lights:
-        found = (light.name, _cycle(light, clock, built.notes))
+        found = (light.name, cycle_of(light, clock, built.notes))
         ways = {numbers.first[way] for way in light.ways if way in numbers.first}
         counting = {turn for other, turn in turns.items() if not light.ways or other in ways}
         counting &= light.turns or counting
@@ -162,13 +168,21 @@ def _lights_at(
         cycles[name, cycle].add(turn)
     is_for_all = len(cycles) == 1 and set(shown) == set(turns.values())
     return [
-        built.light(name, cycle, frozenset(TURNS if is_for_all else directions))
+        built.light(name, cycle, frozenset(TURNS if is_for_all else directions), labels[name])
         for (name, cycle), directions in cycles.items()
     ]
 
 
-def _cycle(light: Light, clock: tuple[float, float], notes: Notes) -> _Cycle:
-    """Phases in time steps; without any that last, and where none shows a colour, the light is dark."""
+def cycle_of(light: Light, clock: tuple[float, float], notes: Notes) -> _Cycle:
+    """Phases in time steps, and the step at which the first begins.
+
+    Without any that last, and where none shows a colour, the light is dark.
+
+    Args:
+        light: The light.
+        clock: Time between steps and time of step 0 [s], in the source's times.
+        notes: Cycles that are too long are named.
+    """
     dt, first = clock
     ends = np.cumsum([seconds for _, seconds in light.phases]) / dt
     begin = (light.begin - first) / dt

@@ -13,6 +13,7 @@ from interdrive.files.sources.model import Source, Tracks
 from interdrive.files.sources.neutral import WORDS, first_rows, tracks_of
 from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.recorded import kinds_of
+from interdrive.files.sources.sind_lights import light_states
 from interdrive.storage.foreign_tables import ForeignTable, foreign_table, header_of
 
 if TYPE_CHECKING:
@@ -55,7 +56,9 @@ def read(file: SourceFile, options: SourceOptions) -> Source:
         parts = [(file.path.name, file.data), *((name, file.beside(name)) for name in _others(file))]
     tracks = [_tracks(foreign_table(data, str(folder / name)), options.case, notes) for name, data in parts]
     found = tracks[0] if len(tracks) == 1 else _together(tracks)
-    return Source(None, found, notes, map_options={"projection": "utm", "origin": (0.0, 0.0)})
+    states = light_states(file, notes) if any(name in _SIND for name, _ in parts) else {}
+    at_zero = {"projection": "utm", "origin": (0.0, 0.0)}
+    return Source(None, found, notes, map_options=at_zero, light_states=states)
 
 
 def _recordings(file: SourceFile) -> dict[str, list[str]]:

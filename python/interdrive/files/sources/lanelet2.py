@@ -309,7 +309,7 @@ def _rule_ways(ways: dict[str, _Way], places: dict[str, tuple[float, float]]) ->
         kind = way.tags.get("type", "")
         points = np.array([places[node] for node in way.nodes if node in places])
         if kind in ("stop_line", "traffic_sign", "traffic_light") and len(points) > 1:
-            found[key] = Place(kind, way.tags.get("subtype", ""), points)
+            found[key] = Place(kind, way.tags.get("subtype", ""), points, way.tags.get("name", "").strip()[:50])
     return found
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.files.control import RANK_NAMES
-from interdrive.files.sources.model import Light, Roads, Sign
+from interdrive.files.sources.model import DARK, Light, Roads, Sign
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -30,11 +30,12 @@ _RULES = ("traffic_light", "right_of_way", "all_way_stop", "traffic_sign")
 
 @dataclass(frozen=True)
 class Place:
-    """A way that a rule names: its type and subtype, and its points [m]."""
+    """A way that a rule names: its type and subtype, its points [m], and its own name."""
 
     kind: str
     subtype: str
     points: Floats
+    name: str = ""
 
 
 def add_rules(
@@ -82,7 +83,8 @@ def add_rules(
             approaches = [(lane, ())] if is_ahead else [(other, (lane,)) for other in before.get(lane, ())]
             across = None if line is None else _across(line, roads.lanes[lane])
             if rule == "traffic_light":
-                roads.lights += [Light(key, approach, ways, line=across) for approach, ways in approaches]
+                label = next((sign.name for sign in signs if sign.name), "")
+                roads.lights += [Light(key, approach, ways, line=across, label=label) for approach, ways in approaches]
                 continue
             kind = _kind(rule, tags, signs, roads.lanes[lane])
             if not kind:
@@ -96,7 +98,7 @@ def add_rules(
         notes.leave_out("stop lines without sign or light", "", unused)
     n_lights = len({light.name for light in roads.lights})
     if n_lights:
-        notes.say(f"the cycles of traffic lights are unknown, so that they are dark: {n_lights}")
+        notes.say(f"{DARK}: {n_lights}")
 
 
 def _kind(rule: str, tags: Mapping[str, str], signs: Sequence[Place], lane: Lane) -> str:

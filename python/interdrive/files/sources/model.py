@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from interdrive.scenario.control import Signal, Turn
 
 
+#: Begins the note on lights without a cycle; their number follows.
+DARK = "the cycles of traffic lights are unknown, so that they are dark"
+
+
 @dataclass
 class Lane:
     """A piece of a lane that becomes a lanelet.
@@ -71,6 +75,7 @@ class Light:
         line: Ends of the line before which vehicles stop [m], shape (2, 2); None: the end of the lane.
         turns_on_red: Drivers may turn right on red after stopping.
         turns: Turns for which it counts; empty: all.
+        label: What tables of states call it; empty: the source does not say.
     """
 
     name: str
@@ -82,6 +87,7 @@ class Light:
     line: Floats | None = None
     turns_on_red: bool = False
     turns: frozenset[Turn] = frozenset()
+    label: str = ""
 
 
 @dataclass
@@ -139,6 +145,21 @@ class Tracks:
     dt: float = 0.1
 
 
+@dataclass(frozen=True)
+class LightStates:
+    """What a traffic light shows over time.
+
+    Attributes:
+        begin: When the first phase begins [s], in the times of the source's tracks.
+        phases: Signals and how long they last [s]; the last one lasts.
+        turns_on_red: Drivers may turn right on red after stopping.
+    """
+
+    begin: float
+    phases: tuple[tuple[Signal, float], ...]
+    turns_on_red: bool = False
+
+
 @dataclass
 class Source:
     """What a reader returns.
@@ -148,9 +169,11 @@ class Source:
         tracks: None: there is no recording.
         notes: Remarks on both.
         map_options: Options with which that other file is read, unless the user chose them.
+        light_states: What lights of that other file show, by their labels there.
     """
 
     roads: Roads | None
     tracks: Tracks | None = None
     notes: Notes = field(default_factory=Notes)
     map_options: dict[str, Any] = field(default_factory=dict)
+    light_states: dict[str, LightStates] = field(default_factory=dict)

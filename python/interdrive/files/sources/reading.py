@@ -15,6 +15,7 @@ from interdrive.errors import InputError
 from interdrive.files.control import priorities_of_map
 from interdrive.files.sources.control import control_of
 from interdrive.files.sources.lanelets import lanelets_of
+from interdrive.files.sources.light_states import with_states
 from interdrive.files.sources.recorded import far_from_map, recorded
 from interdrive.scenario import Obstacles, Scenario, ScenarioSource
 from interdrive.scenario.limits import require_scenario
@@ -75,8 +76,9 @@ def scenario_of(
         dt=dt,
         obstacles=obstacles,
         traffic_lights=_at_steps(scenario.traffic_lights, scenario.dt / dt),
-        notes=(*source.notes.lines(), *scenario.notes),
     )
+    scenario = with_states(scenario, source.light_states, _clock(source, options), source.notes)
+    scenario = replace(scenario, notes=(*source.notes.lines(), *scenario.notes))
     require_scenario(scenario, str(file.path))
     return scenario
 
@@ -116,6 +118,7 @@ def _on_roads(file: SourceFile, found: Format, options: SourceOptions, source: S
             options=_texts(options),
             keys=keys,
             location=source.roads.location,
+            lights=found_control.labels,
         ),
     )
 
@@ -167,6 +170,7 @@ def _on_map(roads: Scenario, file: SourceFile, found: Format, options: SourceOpt
             options=_texts(options),
             keys=roads.source.keys if roads.source is not None else tuple(map(str, roads.lanelets.ids.tolist())),
             location=roads.source.location if roads.source is not None else "",
+            lights=roads.source.lights if roads.source is not None else (),
         ),
     )
 

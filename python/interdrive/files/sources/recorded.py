@@ -116,7 +116,9 @@ def recorded(tracks: Tracks, options: SourceOptions, taken: Sequence[int], file:
     derived = [_missing_first(part) for _, part in kept]
     for owner, part in kept:
         if put_right(part.values[:, 3], clock.dt):
-            notes.name("speeds to which no vehicle can change taken from those around, tracks", tracks.names[owner][:20])
+            notes.name(
+                "speeds to which no vehicle can change taken from those around, tracks", tracks.names[owner][:20]
+            )
     return _tables(
         _ids(tracks, [owner for owner, _ in kept], taken, file),
         [tracks.kinds[owner] for owner, _ in kept],
