@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored, temperament
@@ -23,7 +24,7 @@ from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, hits_of, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.goals import said_seconds
-from interdrive.run.logs import CandidateLog, PredictionLog
+from interdrive.run.logs import CandidateLog, PredictionLog, ProfileLog
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import NO_ROOM, STANDSTILL, reasons
 from interdrive.run.violations import violations
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from interdrive.planners.calls import Answer
     from interdrive.run import Orders, Outcomes, RunSettings, States
     from interdrive.scoring.hits import Hit
+
+T = TypeVar("T")
 
 
 class Simulation:
@@ -162,12 +165,14 @@ class Simulation:
             v2x=self.settings.v2x,
             seed=self.seed,
             messages=record.messages,
+            profile=record.profile,
         )
         self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_workers()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
         self._timings: list[tuple[int, list[float]]] = []
+        self._profile_log = ProfileLog() if record.profile else None
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
             CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
@@ -202,8 +207,13 @@ class Simulation:
             return
         world, time_step = self.world, self.world.time_step
         step = self._begin_step()
+        outside = step.missing if self._profile_log is not None else ()
         self._plan_python(step)
         step.mark()
+        if self._profile_log is not None:
+            for agent_id, seconds in zip(step.ids.tolist(), step.plan_seconds.tolist(), strict=True):
+                if agent_id not in outside:
+                    self._profile_log.add(time_step, agent_id, "plan", seconds)
         if self._plan_ages is not None:
             self._plan_ages.add(*step.predictions.plan_ages())
         if self._prediction_log is not None:
@@ -265,7 +275,8 @@ class Simulation:
 
     def _plan_python(self, step: _core.Step) -> None:
         scene, predictions = step.scene, step.predictions
-        views = {i: self.world.view(scene, i, known=predictions.known(i)) for i in step.missing}
+        timed = self._timed
+        views = {i: timed(i, "view", self.world.view, scene, i, known=predictions.known(i)) for i in step.missing}
         answers: dict[int, Answer] = {}
         if self._workers is not None:
             away = {i: view for i, view in views.items() if i not in self._python_planners}
@@ -275,21 +286,28 @@ class Simulation:
                 for i, view in away.items()
             }
             answers = self._workers.ask(scene, predictions, wanted)
+            if self._profile_log is not None:
+                for agent_id, spent in self._workers.seconds.items():
+                    for part, seconds in zip(("view", "call"), spent, strict=True):
+                        self._profile_log.add(scene.time_step, agent_id, part, seconds)
         timeout_s = self.settings.step.planner_timeout_s
         if self._raises:
             for agent_id, view in views.items():
-                step.set(view, *planned(self._python_planners[agent_id], view, predictions.seen_by(view)))
+                seen = timed(agent_id, "view", predictions.seen_by, view)
+                plan = timed(agent_id, "call", planned, self._python_planners[agent_id], view, seen)
+                timed(agent_id, "check", step.set, view, *plan)
             return
         with same_folder() if self._python_planners else nullcontext():
             for agent_id, view in views.items():
                 planner = self._python_planners.get(agent_id)
                 if planner is not None:
-                    answers[agent_id] = ask(planner, view, predictions.seen_by(view), timeout_s)
+                    seen = timed(agent_id, "view", predictions.seen_by, view)
+                    answers[agent_id] = timed(agent_id, "call", ask, planner, view, seen, timeout_s)
         for agent_id, view in views.items():
             answer = answers[agent_id]
             try:
                 if not isinstance(answer, Failure):
-                    step.set(view, *answer)
+                    timed(agent_id, "check", step.set, view, *answer)
                     continue
             except InputError as error:
                 answer = Failure(str(error))
@@ -298,6 +316,16 @@ class Simulation:
             line, trace = (text.encode("utf-8", "replace").decode() for text in (answer.line, answer.traceback))
             step.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
             self._tracebacks[agent_id] = trace
+
+    def _timed(self, agent_id: int, part: str, work: Callable[..., T], *args: Any, **named: Any) -> T:  # noqa: ANN401
+        """Calls `work`, and notes its time if there is a profile."""
+        if self._profile_log is None:
+            return work(*args, **named)
+        begin = time.perf_counter()
+        try:
+            return work(*args, **named)
+        finally:
+            self._profile_log.add(self.world.time_step, agent_id, part, time.perf_counter() - begin)
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.
@@ -363,6 +391,7 @@ class Simulation:
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
+            profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )

@@ -1,6 +1,6 @@
 //! A step that has begun, as a handle for predictors and planners in Python.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use interdrive_core::road::RoadNetwork;
@@ -32,6 +32,12 @@ impl PyForecast<'_> {
             Self::Outside(predictions) => work(Forecast::Outside(&predictions.table())),
         }
     }
+}
+
+/// Nanoseconds since the first call, for the core.
+pub fn nanoseconds() -> u64 {
+    static START: OnceLock<Instant> = OnceLock::new();
+    u64::try_from(START.get_or_init(now).elapsed().as_nanos()).unwrap_or(u64::MAX)
 }
 
 /// What is there, what agents expect and what they plan in one step, and the times at which its phases ended.
@@ -100,6 +106,10 @@ getters! { PyStep {
     missing: Vec<i64> = |this| {
         let none = |(id, status): (&i64, &PlanStatus)| (*status == PlanStatus::None).then_some(*id);
         this.step.plans.ids.iter().zip(&this.step.plans.status).filter_map(none).collect()
+    };
+    /// Seconds that the core has planned for each agent, in the order of `ids`; empty unless the world has a profile.
+    plan_seconds: Row<'py, f64> = |this, py| {
+        arrays::row(py, this.step.plans.nanoseconds.iter().map(|spent| 1e-9 * *spent as f64).collect())
     };
     /// Seconds that each phase has taken, in the order of `interdrive.run.PHASES`.
     seconds: Vec<f64> = |this| {

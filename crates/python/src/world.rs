@@ -12,7 +12,7 @@ use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, Step, World, WorldSettings};
+use interdrive_core::world::{Agent, Clock, Step, World, WorldSettings};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -28,7 +28,7 @@ use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
 use crate::scene::{PyScene, Told, turn_of};
 use crate::settings::read;
-use crate::step::{PyForecast, PyStep, now};
+use crate::step::{PyForecast, PyStep, nanoseconds as clock_nanoseconds, now};
 use crate::vehicle::PyVehicle;
 use crate::view::{KnownBody, ProgressParts, PyView, progress};
 
@@ -103,7 +103,8 @@ fn nanoseconds(time: Duration) -> u64 {
 impl PyWorld {
     #[new]
     #[pyo3(signature = (
-        scenario, agents, step, *, threads, record_views=false, v2x=None, seed=0, messages="none"
+        scenario, agents, step, *, threads, record_views=false, v2x=None, seed=0, messages="none",
+        profile=false
     ))]
     fn new(
         py: Python<'_>,
@@ -115,6 +116,7 @@ impl PyWorld {
         v2x: Option<&Bound<'_, PyAny>>,
         seed: u64,
         messages: &str,
+        profile: bool,
     ) -> PyResult<Self> {
         let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
         let record_messages = match messages {
@@ -131,6 +133,7 @@ impl PyWorld {
             v2x,
             seed,
             record_messages,
+            clock: profile.then_some(Clock(clock_nanoseconds)),
             ..WorldSettings::default()
         };
         let scenario = Arc::clone(&scenario.0);

@@ -35,6 +35,7 @@ class RunChoices:
     gif: bool = False
     mp4: bool = False
     report: bool = False
+    profile: bool = False
 
 
 @dataclass(frozen=True)

@@ -90,6 +90,12 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--report", is_flag=True, default=None, help="Record views, predictions and candidates; make report.html."
 )
 @click.option(
+    "--profile",
+    is_flag=True,
+    default=None,
+    help="Measure every plan: print what phases, planners and agents cost; profile.parquet.",
+)
+@click.option(
     "--raise", "raises", is_flag=True, help="Stop at the first exception of a Python planner and print its traceback."
 )
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -175,6 +181,10 @@ def run(
                 write_run_report(folder)
     if not quiet:
         print_run(done, shown(folder))
+        if done.profile is not None:
+            from interdrive.cli.profile_report import print_costs  # noqa: PLC0415 - rich
+
+            print_costs(done)
     return 1 if "planner_error" in done.outcomes.outcome else 0
 
 
@@ -198,7 +208,9 @@ def _configured(
     except InputError as error:
         raise InputError(f"--{error.location.replace('_', '-')}", error.message) from None
     style = style_settings(choices.style)
-    settings = bind(SimulationSettings(), {**style, **(_RECORDED if choices.report else {})})
+    settings = bind(
+        SimulationSettings(), {**style, **(_RECORDED if choices.report else {}), "record.profile": choices.profile}
+    )
     try:
         settings = bind(settings, values)
     except InputError as error:

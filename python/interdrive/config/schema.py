@@ -62,6 +62,7 @@ class RecordSettings:
         orders: Keep the orders to wait before junctions and crosswalks (`Run.orders`, orders.parquet).
         messages: V2X messages to keep (`Run.messages`, messages.parquet): none, sent messages, or these and their links
             to receivers in range.
+        profile: Measure every plan of every agent (`Run.profile`, profile.parquet).
     """
 
     views: bool = False
@@ -71,6 +72,7 @@ class RecordSettings:
     violations: bool = True
     orders: bool = True
     messages: Literal["none", "sent", "links"] = "none"
+    profile: bool = False
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

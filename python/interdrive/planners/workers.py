@@ -90,6 +90,7 @@ class Workers:
             InputError: A process does not start, or a planner cannot be made there.
         """
         self._at_once, self._timeout_s = at_once, timeout_s
+        self.seconds: dict[int, tuple[float, float]] = {}
         ids = sorted(make)
         n_processes = min(PROCESSES_MAX, len(ids))
         context = multiprocessing.get_context("spawn")
@@ -127,7 +128,10 @@ class Workers:
             scene: The present scene.
             predictions: Predictions for all participants.
             wanted: Agent id -> what it needs besides.
+
+        Afterwards `seconds` says how long the view and the call of each agent that answered took in its process.
         """
+        self.seconds = {}
         parts = pickle.dumps((scene.parts(), predictions), protocol=pickle.HIGHEST_PROTOCOL)
         answers: dict[int, Answer] = {}
         idle = [(worker, mine) for worker in self._workers if (mine := [i for i in worker.agents if i in wanted])]
@@ -167,8 +171,7 @@ class Workers:
             except OSError:
                 worker.lost = "its process ended"
 
-    @staticmethod
-    def _receive(worker: _Worker, agent: int, *, in_time: bool) -> Answer:
+    def _receive(self, worker: _Worker, agent: int, *, in_time: bool) -> Answer:
         """The next answer; without one the process is lost with all its planners."""
         blame = f"the planner of agent {agent}"
         if not in_time:
@@ -176,7 +179,8 @@ class Workers:
             worker.process.kill()
             return Failure(worker.lost)
         try:
-            return cast("Answer", worker.connection.recv())
+            answer, self.seconds[agent] = worker.connection.recv()
+            return cast("Answer", answer)
         except (EOFError, OSError):
             worker.process.join(1.0)
             worker.lost = f"its process ended in {blame} (exit code {worker.process.exitcode})"
@@ -252,10 +256,12 @@ def _work(
         scene_parts, predictions = pickle.loads(parts)
         scene = world.scene_from(scene_parts)
         for i, told in wanted:
+            begin = time.perf_counter()
             view = world.view(scene, i, told.progress, told.known)
             seen = predictions.seen_by(view) if told.predictions is None else told.predictions
+            asked = time.perf_counter()
             try:
                 answer = ask(planners[i], view, seen, timeout_s)
             except KeyboardInterrupt as error:  # Ctrl-C of the terminal is ignored here
                 answer = Failure(failure(error))
-            connection.send(answer)
+            connection.send((answer, (asked - begin, time.perf_counter() - asked)))

@@ -24,6 +24,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "messages": arrays.Messages.columns,
     "agreements": arrays.Agreements.columns,
     "hits": arrays.Hits.columns,
+    "profile": arrays.Profile.columns,
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
@@ -35,4 +36,14 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
 
 
 #: Tables that a run has only if its settings request them; run.json states under their names whether it does.
-ON_DEMAND = ("views", "predictions", "candidates", "violations", "orders", "messages", "agreements", "hits")
+ON_DEMAND = (
+    "views",
+    "predictions",
+    "candidates",
+    "violations",
+    "orders",
+    "messages",
+    "agreements",
+    "hits",
+    "profile",
+)

@@ -57,6 +57,7 @@ class Results:
         messages: V2X messages; None unless `record.messages`.
         agreements: Which agent held for which; None if no agents negotiate.
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
+        profile: How long the plans of single agents took; None unless `record.profile`.
         missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
@@ -74,6 +75,7 @@ class Results:
     messages: pa.Table | None = None
     agreements: pa.Table | None = None
     hits: pa.Table | None = None
+    profile: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

@@ -100,7 +100,7 @@ class RunInformation(SoftwareInformation):
         candidates: Name of the table of candidates, None if there is none.
         violations: The same for violations. orders: The same for orders at junctions.
         messages: The same for V2X messages. agreements: The same for agreements about shared road.
-        hits: The same for contacts after which an agent drove on.
+        hits: The same for contacts after which an agent drove on. profile: The same for the time of single plans.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -121,6 +121,7 @@ class RunInformation(SoftwareInformation):
     messages: str | None
     agreements: str | None
     hits: str | None
+    profile: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
@@ -152,6 +153,7 @@ def information(run: RunRecord) -> RunInformation:
         "messages": None if run.messages is None else "messages.parquet",
         "agreements": None if run.agreements is None else "agreements.parquet",
         "hits": None if run.hits is None else "hits.parquet",
+        "profile": None if run.profile is None else "profile.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),

@@ -20,6 +20,7 @@ from interdrive.run import (
     Orders,
     Outcomes,
     Plans,
+    Profile,
     RecordedCandidates,
     RecordedPredictions,
     RunRecord,
@@ -82,6 +83,7 @@ def read_run(folder: str | Path) -> RunRecord:
         predictions=None if results.predictions is None else _predictions(results.predictions),
         candidates=None if results.candidates is None else _candidates(results.candidates),
         orders=_rows(Orders, results.orders),
+        profile=_rows(Profile, results.profile),
         cooperation=results.info.get("cooperation"),
     )
 

@@ -118,5 +118,8 @@ TABLES: Mapping[str, Callable[[RunRecord], pa.Table | None]] = {
     "routes": routes_table,
     "predictions": predictions_table,
     "candidates": candidates_table,
-    **{name: partial(_recorded, name) for name in ("views", "violations", "orders", "messages", "agreements", "hits")},
+    **{
+        name: partial(_recorded, name)
+        for name in ("views", "violations", "orders", "messages", "agreements", "hits", "profile")
+    },
 }

@@ -197,6 +197,14 @@ def _check_orders(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
         refuse(name, orders[name], ~_is_recorded(orders[name], states), "is not in states.parquet")
 
 
+def _check_profile(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    profile = found["profile"]
+    _known("agent_id", profile["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+    steps = profile["time_step"]
+    refuse("time_step", steps, ~_is_recorded(steps, found["states"]), "is not in states.parquet")
+    refuse("seconds", profile["seconds"], profile["seconds"] < 0.0, "is negative")
+
+
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
     """Checks that every prediction or candidate has the same points, and equal values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
@@ -227,6 +235,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "candidates": _check_candidates,
     "violations": _check_violations,
     "orders": _check_orders,
+    "profile": _check_profile,
 }
 
 

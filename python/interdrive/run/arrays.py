@@ -268,6 +268,29 @@ class Timings(Tabular):
     seconds: Floats = field(metadata=number("wall time", "s"))
 
 
+#: What is done for one plan: the core plans; or, for a planner in Python, its view is made, it is called, and its plan is
+#: checked and written.
+PLAN_PARTS = ("plan", "view", "call", "check")
+
+
+@dataclass(frozen=True, repr=False)
+class Profile(Tabular):
+    """Time that the plans of single agents took, sorted by time step, agent and part."""
+
+    _rows = "parts of plans"
+
+    time_step: Ints = field(metadata=integer("time step of the plan"))
+    agent_id: Ints = field(metadata=integer("agent of the plan"))
+    part: tuple[str, ...] = field(
+        metadata=label(
+            "plan: the core plans. For a planner in Python: view, its view is made; call, its own code; check, its plan "
+            "is checked and written",
+            PLAN_PARTS,
+        )
+    )
+    seconds: Floats = field(metadata=number("wall time on its thread, or in its process", "s"))
+
+
 @dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time."""

@@ -1,4 +1,4 @@
-"""Predictions and candidates available to each agent, thinned out while the run goes on."""
+"""Predictions and candidates available to each agent, thinned out while the run goes on; times of single plans."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.arrays import PLAN_STATUS, RecordedCandidates, RecordedPredictions
+from interdrive.run.arrays import PLAN_PARTS, PLAN_STATUS, Profile, RecordedCandidates, RecordedPredictions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +23,29 @@ _RESOLUTION = 2.0**-10
 
 #: One in this many of the kept candidates is a rejected one.
 _ONE_REJECTED_IN = 5
+
+
+class ProfileLog:
+    """Collects how long the plans of single agents took."""
+
+    def __init__(self) -> None:
+        """Starts empty."""
+        self._seconds: dict[tuple[int, int, int], float] = {}
+
+    def add(self, time_step: int, agent_id: int, part: str, seconds: float) -> None:
+        """Adds time [s] to a part, one of `PLAN_PARTS`."""
+        key = time_step, agent_id, PLAN_PARTS.index(part)
+        self._seconds[key] = self._seconds.get(key, 0.0) + seconds
+
+    def table(self, end: int) -> Profile:
+        """All rows before a time step."""
+        rows = sorted(key for key in self._seconds if key[0] < end)
+        return Profile(
+            time_step=np.array([key[0] for key in rows], dtype=np.int64),
+            agent_id=np.array([key[1] for key in rows], dtype=np.int64),
+            part=tuple(PLAN_PARTS[key[2]] for key in rows),
+            seconds=np.array([self._seconds[key] for key in rows], dtype=np.float64),
+        )
 
 
 class PredictionLog:

@@ -105,6 +105,7 @@ class RunRecord:
         messages: V2X messages; None unless `record.messages` is set.
         agreements: Which agents held for which; None unless agents negotiate.
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
+        profile: How long the plans of single agents took; None unless `record.profile` is set.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
@@ -126,4 +127,5 @@ class RunRecord:
     messages: arrays.Messages | None = None
     agreements: arrays.Agreements | None = None
     hits: arrays.Hits | None = None
+    profile: arrays.Profile | None = None
     cooperation: Mapping[str, Json] | None = None

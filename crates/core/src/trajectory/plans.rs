@@ -72,6 +72,8 @@ pub struct Plans {
     pub message: Vec<String>,
     /// Rows without an ordinary plan, ascending, and why, where the planner says so.
     pub obstructions: Vec<(usize, Obstruction)>,
+    /// How long each row was planned by the core [ns]; empty unless the world has a clock.
+    pub nanoseconds: Vec<u64>,
 }
 
 impl Plans {
@@ -87,6 +89,7 @@ impl Plans {
             cost: vec![f64::NAN; n],
             message: vec![String::new(); n],
             obstructions: Vec::new(),
+            nanoseconds: Vec::new(),
         }
     }
 
@@ -105,6 +108,7 @@ impl Plans {
         self.message.clear();
         self.message.resize(n, String::new());
         self.obstructions.clear();
+        self.nanoseconds.clear();
     }
 
     /// A point that is not there.

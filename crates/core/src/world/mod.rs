@@ -41,7 +41,7 @@ use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
-pub use settings::{StepSettings, WorldSettings};
+pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
 pub(crate) use staging::check_agents;
 pub use step::{Expected, Forecast, Step};

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::cmp::Reverse;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{MutexGuard, OnceLock};
 
 use super::{Drive, Expected, Step, World};
@@ -36,18 +36,25 @@ impl World {
         let expected: (&Predictions, _) = (predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
+        let clock = self.settings.clock;
+        let spent: Vec<AtomicU64> = clock.iter().flat_map(|_| drives.iter().map(|_| AtomicU64::new(0))).collect();
         let order = self.longest_first(&drives);
         self.threads.each(order.len(), |thread, i| {
             let row = order[i];
+            let begin = clock.map(|clock| (clock.0)());
             let plan = self.plan_one(drives[row], (scene, crowd), expected, &mut self.memory(thread));
             if let Some(plan) = plan {
                 results[row].set(plan).expect("every agent plans once");
+            }
+            if let (Some(clock), Some(begin)) = (clock, begin) {
+                spent[row].store((clock.0)().saturating_sub(begin), Ordering::Relaxed);
             }
         });
         let lengths = results.iter().filter_map(OnceLock::get).map(|result| result.trajectory.points.len());
         let n_points = lengths.max().unwrap_or(0);
         let n_points = n_points.max(predictions.n_steps + 1).max(2);
         plans.clear(self.time_step, drives.iter().map(|drive| drive.agent.id), n_points);
+        plans.nanoseconds.extend(spent.into_iter().map(AtomicU64::into_inner));
         for (row, result) in results.into_iter().enumerate() {
             let Some(result) = result.into_inner() else { continue };
             let points = &result.trajectory.points;

@@ -46,6 +46,16 @@ impl StepSettings {
     }
 }
 
+/// A clock [ns] that the caller reads for the core, to say how long plans took; nothing else depends on it.
+#[derive(Debug, Clone, Copy)]
+pub struct Clock(pub fn() -> u64);
+
+impl PartialEq for Clock {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::fn_addr_eq(self.0, other.0)
+    }
+}
+
 /// All settings of a world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldSettings {
@@ -63,6 +73,8 @@ pub struct WorldSettings {
     pub record_messages: Logged,
     /// Keep all states and plans; otherwise only as much of the past as a scene shows.
     pub keep_recording: bool,
+    /// Measures every plan of the core; `None`: nothing is measured.
+    pub clock: Option<Clock>,
 }
 
 impl Default for WorldSettings {
@@ -75,6 +87,7 @@ impl Default for WorldSettings {
             seed: 0,
             record_messages: Logged::None,
             keep_recording: true,
+            clock: None,
         }
     }
 }
