@@ -1,5 +1,7 @@
 """`interdrive explain`: what it tells of a run that was saved."""
 
+import re
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -89,3 +91,55 @@ def test_foreign_text_in_a_figure_is_no_formula(tmp_path):
     done = explain(str(tmp_path / "run"), "100", "--png", str(tmp_path / "story.png"))
     assert (done.exit_code, done.stderr) == (0, "")
     assert (tmp_path / "story.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.fixture(scope="module")
+def batched(tmp_path_factory):
+    """Two planners on the T-junction; only the run folders of the second one are kept."""
+    path = tmp_path_factory.mktemp("explain_batch")
+    common = ["batch", "t_junction", "--agents", "2", "--workers", "1", "--quiet", "--out", str(path / "batch")]
+    for more in (["--planner", "recorded"], ["--planner", "idm", "--keep", "all"]):
+        assert CliRunner().invoke(main, [*common, *more]).exit_code == 0
+    return str(path / "batch")
+
+
+def key_of(batched, planner):
+    lines = explain(batched).stdout.splitlines()
+    return next(line.split()[0] for line in lines if f"planner {planner}" in line)
+
+
+def test_of_a_batch_there_is_one_line_per_run(batched):
+    lines = [line for line in explain(batched).stdout.splitlines() if "t_junction, planner" in line]
+    assert len(lines) == 2
+    assert all("goal_reached" in line for line in lines)
+
+
+def test_from_a_batch_one_comes_to_a_run_and_to_an_agent(batched):
+    run = explain(batched, key_of(batched, "idm")).stdout
+    agent = run.split()[1].rstrip(":")
+    told = explain(batched, key_of(batched, "idm"), agent).stdout.splitlines()
+    assert told[0] == run.splitlines()[0]
+    assert "planner idm" in told[1]
+
+
+def test_a_run_without_folder_is_told_from_the_table_of_the_batch(batched):
+    assert re.search(r"\n  agent \d+ goal_reached at", explain(batched, key_of(batched, "recorded")).stdout)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["t_junction"], "2 runs have that; name one by its key"),
+        (["xyz"], "run xyz: there is none in the batch"),
+        (["a", "1", "2"], "nothing more"),
+        (["--png", "a.png"], "a figure shows one agent"),
+        (["KEY", "2001"], "its run folder was not kept; repeat the batch with --keep all"),
+        (["KEY", "first"], "write the id of an agent"),
+    ],
+)
+def test_what_a_batch_does_not_have_is_one_line(batched, names, words):
+    done = explain(batched, *(key_of(batched, "recorded") if name == "KEY" else name for name in names))
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr

@@ -700,6 +700,7 @@ def test_the_commands_print_tables(two):
     assert "Caveats:" in lines
     assert (two / "comparison" / "comparison.png").exists()
     assert not any("b" in line.split()[:2] for line in said("compare", two, "--planner", "a"))
+    assert said("compare", two, "--latex") == (two / "comparison" / "paper.tex").read_text("utf-8").splitlines()
     question = "select planner, outcome, count(*) as n from agents group by all order by all"
     assert said("sql", two, question)[1].split() == ["a", "collision", "1"]
     assert said("sql", two, question, "--csv")[:2] == ["planner,outcome,n", "a,collision,1"]

@@ -46,7 +46,7 @@ def seconds(run, agent, part):
 
 
 def test_every_plan_of_every_agent_is_measured(run):
-    steps = [int(np.sum((run.plans.agent_id == agent))) for agent in (100, 200)]
+    steps = [int(np.sum(run.plans.agent_id == agent)) for agent in (100, 200)]
     assert len(seconds(run, 200, "plan")) == steps[1]
     assert [len(seconds(run, 100, part)) for part in ("plan", "view", "call", "check")] == [0, *[steps[0]] * 3]
 

@@ -49,6 +49,29 @@ def test_a_notebook_shows_the_outcomes_of_a_run_and_escapes_them(run):
     assert f"<td>{run.agents[0].id}</td>" in page
 
 
+def test_notebooks_show_the_parts_of_a_run_as_tables(run):
+    page = run.outcomes._repr_html_()
+    assert page.startswith("<p>&lt;Outcomes: ")
+    assert page.count("<tr>") == 1 + len(run.agents)
+    assert "<th>outcome</th>" in page
+    assert "<th>traceback</th>" not in page, "columns without any value are left out"
+    assert f"<p>{run.states.to_arrow().num_rows - 20} more rows</p>" in run.states._repr_html_()
+    assert type(run.outcomes).empty()._repr_html_() is None, "without a run there is no table"
+
+
+def test_notebooks_show_scores_with_reasons_and_criticality_with_units(run):
+    scored = idr.score(run, panel=None)
+    page = scored._repr_html_()
+    assert page.count("<tr>") == 1 + len(run.agents)
+    row = scored.row(run.agents[0].id)
+    assert f"<td>{100 * scored.score[row]:.4g}</td>" in page
+    measured = run.criticality()
+    page = measured._repr_html_()
+    assert page.count("<tr>") == 1 + len(run.agents)
+    assert "<th>ttc [s]</th>" in page
+    assert f"<td>{measured.extremes['dce'].value[0]:.4g}</td>" in page
+
+
 def test_a_notebook_shows_the_measures_of_an_evaluation():
     found = idr.evaluate_predictors("lane_merge", "constant_velocity", every=100)
     assert found._repr_html_().startswith("<p>&lt;PredictionEvaluation of constant_velocity on 1 files&gt;</p><table>")

@@ -198,7 +198,7 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
     ("options", "words"),
     [
         ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
-        ({"agents": 9}, "9 agents requested, but only"),
+        ({"agents": 8}, "8 agents requested, but only"),
         ({"agents": 0}, "at least 1"),
         ({"agents": "some"}, "'all', 'reachable', 'problems', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),
@@ -251,3 +251,8 @@ def test_an_error_in_settings_within_settings_names_both(options, location, mess
         Frenet(**options)
     assert caught.value.location == location
     assert caught.value.message.startswith(message)
+
+
+def test_a_number_larger_than_that_of_the_possible_agents_is_an_id():
+    assert [agent.id for agent in Simulation("t_junction", agents=2001).agents] == [2001]
+    assert len(Simulation("t_junction", agents=2).agents) == 2

@@ -44,7 +44,7 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--agents",
     metavar="all|reachable|problems|N|ID,ID",
     help="Agents: all, reachable (recorded vehicles that are in time), problems (planning problems only), a number "
-    "chosen with the seed, or ids ('7,' is id 7).",
+    "chosen with the seed, or ids. A single id is an id if there are fewer agents than that; '7,' always is.",
 )
 @click.option(
     "--planner",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from interdrive.run import RunRecord
 from interdrive.scenario import Scenario
 from interdrive.scenario.native import core_road, storeys, thread_count
 from interdrive.storage import Origin, Tabled, changed_settings
+from interdrive.storage.html import html_head
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -137,6 +139,23 @@ class Criticality(Tabled):
     def __repr__(self) -> str:
         judged, steps = self.present.shape
         return f"<Criticality of {judged} participants over {steps} time steps: {', '.join(self.series)}>"
+
+    def _repr_html_(self) -> str:
+        """The most critical value of each measure, one row per participant, for notebooks."""
+        units = {name: measure_named(name).unit for name in self.extremes}
+        heads = {name: f"{name} [{unit}]" if unit else name for name, unit in units.items()}
+        rows: list[dict[str, float | str | None]] = [
+            {
+                "participant_id": participant,
+                **{
+                    heads[name]: float(value) if np.isfinite(value := found.value[row]) else None
+                    for name, found in self.extremes.items()
+                },
+            }
+            for row, participant in enumerate(self.participant_id.tolist())
+        ]
+        names = ("participant_id", *heads.values())
+        return f"<p>{escape(repr(self))}</p>{html_head(names, rows, len(rows))}"
 
     def to_arrow(self) -> ArrowTable:
         """All measures in long form, as criticality.parquet: one row per participant, time step and measure."""

@@ -7,11 +7,13 @@ can be absent. Schemas, the run folder and its checks, the data set of a batch a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from html import escape
 from typing import TYPE_CHECKING, ClassVar
 
 from interdrive.run.rules import RULES, VIOLATIONS
 from interdrive.scenario import KINDS
 from interdrive.storage import Column, Record, Tabled, integer, label, number, text, truth
+from interdrive.storage.html import html_head
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,6 +57,9 @@ VIA = ("sensors", "cam", "cpm", "hold")
 #: The time of a row, beside its time step.
 _TIME = Column("time_s", "number", "the same in seconds", "s")
 
+#: Rows of a table that notebooks show.
+_SHOWN_ROWS = 20
+
 _BEYOND_END = "beyond its end"
 
 
@@ -69,6 +74,14 @@ class Tabular(Record, Tabled):
     def __repr__(self) -> str:
         name = next(name for name, column in self.stored.items() if column.axes == "row")
         return f"<{type(self).__name__}: {len(getattr(self, name))} {self._rows}>"
+
+    def _repr_html_(self) -> str | None:
+        """The first rows, for notebooks; None without a run."""
+        if self._as_table is None:
+            return None
+        table = self.to_arrow()
+        rows = table.slice(0, _SHOWN_ROWS).to_pylist()
+        return f"<p>{escape(repr(self))}</p>{html_head(table.column_names, rows, table.num_rows)}"
 
     def to_arrow(self) -> ArrowTable:
         """The table that the run folder stores, as an Arrow table.
@@ -268,8 +281,8 @@ class Timings(Tabular):
     seconds: Floats = field(metadata=number("wall time", "s"))
 
 
-#: What is done for one plan: the core plans; or, for a planner in Python, its view is made, it is called, and its plan is
-#: checked and written.
+#: What is done for one plan: the core plans; or, for a planner in Python, its view is made, it is called, and its plan
+#: is checked and written.
 PLAN_PARTS = ("plan", "view", "call", "check")
 
 
@@ -283,8 +296,8 @@ class Profile(Tabular):
     agent_id: Ints = field(metadata=integer("agent of the plan"))
     part: tuple[str, ...] = field(
         metadata=label(
-            "plan: the core plans. For a planner in Python: view, its view is made; call, its own code; check, its plan "
-            "is checked and written",
+            "plan: the core plans. For a planner in Python: view, its view is made; call, its own code; check, its "
+            "plan is checked and written",
             PLAN_PARTS,
         )
     )

@@ -204,7 +204,8 @@ def select(
         scenario: The scenario.
         road: Its road network.
         agents: "all" (planning problems and every recorded vehicle that can be one), "problems" (planning problems
-            alone), a number (planning problems first, then recorded vehicles chosen with the seed), or ids.
+            alone), a number (planning problems first, then recorded vehicles chosen with the seed), or ids. A number
+            that is larger than the number of possible agents is the id of one.
         agent_settings: Which vehicles can be agents.
         goal_settings: How goals are derived.
         max_steps: Number of time steps after which the run ends; vehicles that start later cannot be agents.
@@ -221,6 +222,9 @@ def select(
     proposals, reasons, notes = _proposals(
         scenario, road, agent_settings, goal_settings, max_steps, temperament or _usual_temperament
     )
+    # Ids are large: what cannot be a number of agents is the id of one.
+    if isinstance(agents, int) and agents > len(proposals) and any(agents in one.names for one in proposals):
+        agents = [agents]
     explicit = not isinstance(agents, str | int)
     chosen = _choose(proposals, reasons, agents, seed)
     built: list[Agent] = []
@@ -297,10 +301,8 @@ def _choose(
         if agents < 1:
             raise InputError(f"the number of agents must be at least 1, not {agents}")
         if agents > len(proposals):
-            hint = (
-                f"; for the agent with id {agents} write '{agents},'" if agents in {one.id for one in proposals} else ""
-            )
-            raise InputError(f"{agents} agents requested, but only {len(proposals)} vehicles can be agents{hint}")
+            why = f"; {agents} is no agent: {reasons[agents]}" if agents in reasons else ""
+            raise InputError(f"{agents} agents requested, but only {len(proposals)} vehicles can be agents{why}")
         return _order(proposals, seed)[:agents]
     chosen: list[_Proposal] = []
     for wanted in agents:

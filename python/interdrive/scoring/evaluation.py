@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from html import escape
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -19,6 +20,7 @@ from interdrive.scoring.seen import Seen
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.scoring.total import GATES
 from interdrive.storage import Origin, changed_settings
+from interdrive.storage.html import html_head
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -104,6 +106,22 @@ class Score:
     def __repr__(self) -> str:
         mean = f", mean {100.0 * float(np.nanmean(self.score)):.1f}" if np.isfinite(self.score).any() else ""
         return f"<Score of {len(self.ids)} agents{mean}>"
+
+    def _repr_html_(self) -> str:
+        """The agents with their scores from 0 to 100 and why, for notebooks."""
+        rows: list[dict[str, float | str | None]] = [
+            {
+                "agent_id": agent,
+                "planner": self.planners[row],
+                "score": None if np.isnan(self.score[row]) else 100.0 * float(self.score[row]),
+                "arrived": "yes" if self.arrived[row] else "no",
+                "fault": self.fault_kind[row],
+                "why": self.why(agent),
+            }
+            for row, agent in enumerate(self.ids.tolist())
+        ]
+        names = ("agent_id", "planner", "score", "arrived", "fault", "why")
+        return f"<p>{escape(repr(self))}</p>{html_head(names, rows, len(rows))}"
 
     def row(self, agent_id: int) -> int:
         """Row of the agent with id `agent_id`.

@@ -16,6 +16,13 @@ def html_table(columns: Sequence[str], rows: Iterable[Mapping[str, float | str |
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
+def html_head(columns: Sequence[str], rows: Sequence[Mapping[str, float | str | None]], n_rows: int) -> str:
+    """The first rows of a table with `n_rows`; columns that are empty in all of these rows are left out."""
+    filled = [name for name in columns if any(row.get(name) not in (None, "") for row in rows)]
+    more = f"<p>{n_rows - len(rows)} more rows</p>" if n_rows > len(rows) else ""
+    return html_table(filled or columns, rows) + more
+
+
 def _cell(value: float | str | None) -> str:
     if value is None:
         return ""
