@@ -126,7 +126,8 @@ def test_a_run_folder_holds_the_files_that_the_reference_lists(console):
     rows = re.findall(r"^\| (`[^|]*) \| (.*) \|$", FOLDER, re.MULTILINE)
     described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
     found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
-    tables = ("predictions", "candidates", "messages", "agreements", "hits", "preventability", "preventability_drives")
+    tables = ("predictions", "candidates", "messages", "agreements", "hits", "profile")
+    tables += ("preventability", "preventability_drives")
     on_demand = {f"{table}.parquet" for table in tables}
     assert described - on_demand - {"run.mp4"} == found
 
