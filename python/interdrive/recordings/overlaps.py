@@ -52,14 +52,20 @@ def overlapping(obstacles: Obstacles, dt: float, storeys: RoadNetwork | None = N
     """
     boxes = np.array([_box(shape) for shape in obstacles.shapes]).reshape(-1, 5)
     vehicles = np.array([kind in _VEHICLES for kind in obstacles.kinds], dtype=np.bool_) & ~obstacles.is_static
-    found: set[tuple[int, int]] = set()
+    n = len(obstacles.ids)
+    #: Pairs of rows as row times n plus other row, ascending: what is known is not looked at again.
+    known = np.zeros(0, dtype=np.int64)
     for column in range(0, obstacles.n_steps, max(1, round(_SPACING / dt))):
         rows = np.flatnonzero(obstacles.valid[:, column] & vehicles)
         x, y, orientation = (table[rows, column] for table in (obstacles.x, obstacles.y, obstacles.orientation))
-        first, second = _overlaps(_placed(boxes[rows], x, y, orientation))
+        placed = _placed(boxes[rows], x, y, orientation)
+        first, second = _near_in_x(placed)
+        is_new = ~_contains(known, _numbers(rows[first], rows[second], n))
+        first, second = _overlaps(placed, first[is_new], second[is_new])
         meet = _meet(obstacles, rows[first], rows[second], column, storeys)
-        found |= _pairs(obstacles.ids[rows[first[meet]]], obstacles.ids[rows[second[meet]]])
-    return tuple(sorted(found))
+        if meet.any():
+            known = np.union1d(known, _numbers(rows[first[meet]], rows[second[meet]], n))
+    return tuple(sorted(_pairs(obstacles.ids[known // max(n, 1)], obstacles.ids[known % max(n, 1)])))
 
 
 def overlapping_at_first(traffic: Placed, storeys: RoadNetwork | None = None) -> tuple[tuple[int, int], ...]:
@@ -81,7 +87,8 @@ def overlapping_at_first(traffic: Placed, storeys: RoadNetwork | None = None) ->
     for column in np.unique(first[first >= 0]).tolist():
         rows = np.flatnonzero(valid[:, column])
         x, y, orientation = (table[rows, column] for table in (traffic.x, traffic.y, traffic.orientation))
-        one, other = _overlaps(_placed(boxes[rows], x, y, orientation))
+        placed = _placed(boxes[rows], x, y, orientation)
+        one, other = _overlaps(placed, *_near_in_x(placed))
         is_new = (first[rows[one]] == column) | (first[rows[other]] == column)
         touch = [_touch(traffic, int(a), int(b), column) for a, b in zip(rows[one], rows[other], strict=True)]
         is_new &= np.array(touch, dtype=np.bool_) & _meet(traffic, rows[one], rows[other], column, storeys)
@@ -107,6 +114,20 @@ def _meet(traffic: Placed, one: Ints, other: Ints, column: int, storeys: RoadNet
 
 def _pose(traffic: Placed, row: int, column: int) -> tuple[float, float, float]:
     return float(traffic.x[row, column]), float(traffic.y[row, column]), float(traffic.orientation[row, column])
+
+
+def _numbers(one: Ints, other: Ints, n: int) -> Ints:
+    """A number for each pair of rows of `n`, whichever comes first."""
+    found: Ints = np.minimum(one, other) * n + np.maximum(one, other)
+    return found
+
+
+def _contains(ascending: Ints, numbers: Ints) -> Bools:
+    """Which of some numbers are among others, which ascend."""
+    if not len(ascending):
+        return np.zeros(len(numbers), dtype=np.bool_)
+    found: Bools = ascending[np.searchsorted(ascending, numbers).clip(max=len(ascending) - 1)] == numbers
+    return found
 
 
 def _pairs(first: Ints, second: Ints) -> set[tuple[int, int]]:
@@ -153,9 +174,8 @@ def _placed(boxes: Floats, x: Floats, y: Floats, orientation: Floats) -> Floats:
     )
 
 
-def _overlaps(boxes: Floats) -> tuple[Ints, Ints]:
-    """Rows of the pairs of boxes that overlap: no axis of either separates them."""
-    first, second = _near_in_x(boxes[:, 0], 2.0 * np.hypot(boxes[:, 2], boxes[:, 3]).max(initial=0.0))
+def _overlaps(boxes: Floats, first: Ints, second: Ints) -> tuple[Ints, Ints]:
+    """Those of some pairs of rows whose boxes overlap: no axis of either separates them."""
     reach = np.hypot(boxes[:, 2], boxes[:, 3])
     distance = np.hypot(*(boxes[first, :2] - boxes[second, :2]).T)
     near = distance < reach[first] + reach[second]
@@ -173,8 +193,9 @@ def _overlaps(boxes: Floats) -> tuple[Ints, Ints]:
     return first[overlap], second[overlap]
 
 
-def _near_in_x(x: Floats, reach: float) -> tuple[Ints, Ints]:
-    """Rows of all pairs whose x differ by at most `reach`, each pair once."""
+def _near_in_x(boxes: Floats) -> tuple[Ints, Ints]:
+    """Rows of all pairs of boxes whose x differ by at most the largest diagonal, each pair once."""
+    x, reach = boxes[:, 0], 2.0 * np.hypot(boxes[:, 2], boxes[:, 3]).max(initial=0.0)
     order = np.argsort(x, kind="stable")
     ends = np.searchsorted(x[order], x[order] + reach, side="right")
     counts = ends - np.arange(len(x)) - 1
