@@ -77,6 +77,7 @@ def _opendrive(run: RunRecord) -> str:
 
 
 def _truths(osi: Message, run: RunRecord) -> Iterator[Message]:
+    """Ground truth of each time step; what it holds changes with the next one."""
     states, dt = run.states, run.scenario.dt
     standing = [
         _standing(osi, states, row) for row in np.flatnonzero(states.is_static & states.valid.any(axis=1)).tolist()
@@ -85,34 +86,60 @@ def _truths(osi: Message, run: RunRecord) -> Iterator[Message]:
     version = osi.InterfaceVersion(
         **dict(zip(("version_major", "version_minor", "version_patch"), _VERSION, strict=True))
     )
+    moving: dict[int, _Moving] = {}
+    tables = (states.x, states.y, states.orientation, states.velocity, states.acceleration, states.yaw_rate)
     for column in range(states.n_steps):
         nanos = round((states.first_time_step + column) * dt * 1e9)
         present = np.flatnonzero(states.valid[:, column] & ~states.is_static).tolist()
+        values = np.column_stack([table[present, column] for table in tables]).tolist()
+        for row in present:
+            if row not in moving:
+                moving[row] = _Moving(osi, states, row)
         yield osi.GroundTruth(
             version=version,
             timestamp=osi.Timestamp(seconds=nanos // 10**9, nanos=nanos % 10**9),
-            moving_object=[_moving(osi, states, row, column) for row in present],
+            moving_object=[moving[row].at(*state) for row, state in zip(present, values, strict=True)],
             stationary_object=standing,
             **host,
         )
 
 
-def _moving(osi: Message, states: States, row: int, column: int) -> Message:
-    kind = states.kinds[row]
-    heading, speed = float(states.orientation[row, column]), float(states.velocity[row, column])
-    acceleration, yaw_rate = (float(table[row, column]) for table in (states.acceleration, states.yaw_rate))
-    ahead = (math.cos(heading), math.sin(heading))
-    base = osi.BaseMoving(
-        dimension=_dimension(osi, states, row),
-        position=_vector(osi, states.x[row, column], states.y[row, column]),
-        orientation=osi.Orientation3d(roll=0.0, pitch=0.0, yaw=heading),
-        velocity=_vector(osi, speed * ahead[0], speed * ahead[1]),
-        **({} if math.isnan(acceleration) else
-           {"acceleration": _vector(osi, acceleration * ahead[0], acceleration * ahead[1])}),
-        **({} if math.isnan(yaw_rate) else {"orientation_rate": osi.Orientation3d(roll=0.0, pitch=0.0, yaw=yaw_rate)}),
-    )  # fmt: skip
+class _Moving:
+    """A participant as a message, which shows one time step after the other; it is written before the next one."""
+
+    def __init__(self, osi: Message, states: States, row: int) -> None:
+        self.position, self.velocity, self.acceleration = (_vector(osi, 0.0, 0.0) for _ in range(3))
+        self.orientation, self.rate = (osi.Orientation3d(roll=0.0, pitch=0.0, yaw=0.0) for _ in range(2))
+        self.base = osi.BaseMoving(
+            dimension=_dimension(osi, states, row),
+            position=self.position,
+            orientation=self.orientation,
+            velocity=self.velocity,
+        )
+        self.message = _named(osi, states.kinds[row], int(states.participant_id[row]), self.base)
+
+    def at(self, x: float, y: float, heading: float, speed: float, acceleration: float, yaw_rate: float) -> Message:
+        """The message with a state; what is nan is left out."""
+        cos, sin = math.cos(heading), math.sin(heading)
+        self.position.x, self.position.y, self.orientation.yaw = x, y, heading
+        self.velocity.x, self.velocity.y = speed * cos, speed * sin
+        if math.isnan(acceleration):
+            self.base.acceleration = None
+        else:
+            self.acceleration.x, self.acceleration.y = acceleration * cos, acceleration * sin
+            self.base.acceleration = self.acceleration
+        if math.isnan(yaw_rate):
+            self.base.orientation_rate = None
+        else:
+            self.rate.yaw = yaw_rate
+            self.base.orientation_rate = self.rate
+        return self.message
+
+
+def _named(osi: Message, kind: str, number: int, base: Message) -> Message:
+    """A moving object of a kind."""
     types = osi.MovingObject.Type
-    named = {"id": osi.Identifier(value=int(states.participant_id[row])), "base": base}
+    named = {"id": osi.Identifier(value=number), "base": base}
     if kind not in _VEHICLES:
         return osi.MovingObject(type=types.PEDESTRIAN if kind == "pedestrian" else types.OTHER, **named)
     classification = osi.MovingObject.VehicleClassification
