@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support"), str(ROOT / "tests" / "sources")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 TARGET = ROOT / "docs" / "figures" / "sources.png"
 TITLES = {
@@ -43,7 +43,7 @@ SIGNALS = {"red": "#d0312d", "yellow": "#e0a100", "green": "#2a9d4a"}
 
 def main() -> None:
     """Writes the picture."""
-    import test_sind_lights
+    import sind_files
     from tests.fuzz.sources import formats
 
     figure, axes = plt.subplots(4, 3, figsize=(10.0, 7.2))
@@ -52,7 +52,7 @@ def main() -> None:
         path = Path(folder, "town.xodr")
         path.write_text(town())
         finish(next(shown), "OpenDRIVE: the town of the tutorial", idr.read_source(path))
-        path = test_sind_lights.written(Path(folder))
+        path = sind_files.written(Path(folder))
         finish(next(shown), "SinD: lights of the map", idr.read_source(path, map=Path(folder, "map.osm")))
     for name, title in TITLES.items():
         files, opened, options = formats()[name]

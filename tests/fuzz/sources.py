@@ -12,6 +12,7 @@ from random import Random
 
 import foreign_files as ff
 import opendrive_documents as xodr
+import sind_files
 from tests.fuzz.mutants import Mutant
 from tests.fuzz.numbers import text_of_number
 
@@ -116,6 +117,9 @@ def formats() -> dict[str, tuple[dict[str, bytes], str, dict[str, str]]]:
     """Files, name of the one that is opened ("": the folder), and options, for each format."""
     with tempfile.TemporaryDirectory() as folder:
         argoverse = {path.name: path.read_bytes() for path in sorted(ff.argoverse2(Path(folder)).iterdir())}
+    with tempfile.TemporaryDirectory() as folder:
+        recording = sind_files.written(Path(folder))
+        sind = {path.name: path.read_bytes() for path in sorted(recording.parent.iterdir())}
     lanes = {"lanes.csv": ff.LANES.encode(), "links.csv": ff.LINKS.encode()}
     on_lanes = {"map": "lanes.csv"}
     return {
@@ -134,6 +138,7 @@ def formats() -> dict[str, tuple[dict[str, bytes], str, dict[str, str]]]:
             "vehicle_tracks_000.csv",
             on_lanes,
         ),
+        "sind": (sind, recording.name, {"map": "map.osm"}),
         "highd": ({name: text.encode() for name, text in ff.HIGHD.items()}, "01_tracks.csv", {}),
         "ind": ({**{name: text.encode() for name, text in ff.IND.items()}, **lanes}, "00_tracks.csv", {
             **on_lanes, "shift": "-40,32",

@@ -212,7 +212,7 @@ def _judge_line(said: str, path: object) -> None:
 def _judge_source_line(said: str, path: object) -> None:
     """A refusal of a source is one line of readable length that names the file, or one beside it, and what is wrong."""
     line, given = said.removesuffix("\n"), Path(str(path))
-    named = {given.name, *(one.name for one in (given if given.is_dir() else given.parent).iterdir()), ".csv"}
+    named = {given.name, *(one.name for one in (given if given.is_dir() else given.parent).iterdir()), ".csv", ".osm"}
     if not line.startswith("error: ") or "\n" in line or len(line) > 1000:
         raise Broken(f"a refusal is not one line: {said[:2000]!r}")
     causes = [line.partition(name)[2] for name in named if name in line]

@@ -284,8 +284,13 @@ impl Following {
 
     /// With a driver in the place of the system.
     pub fn drive(&self, driver: Driver) -> Ending {
+        self.drive_from(driver, driver.kept_distance(self.velocity))
+    }
+
+    /// The same from another gap at the start [m].
+    fn drive_from(&self, driver: Driver, gap: f64) -> Ending {
         let mut ego = Ego::new(driver, self.velocity);
-        let mut x = driver.kept_distance(self.velocity) + LENGTH;
+        let mut x = gap + LENGTH;
         let mut leader_velocity = self.velocity;
         let mut ending = Ending::OPEN;
         for _ in 0..N_STEPS {
@@ -341,6 +346,27 @@ mod tests {
         let ending = hard.drive(Driver::Rss);
         assert!(ending.crash && (ending.impact_speed - 4.860_837_333_333_319).abs() < 1e-9);
         assert!(!hard.drive(Driver::Cc).crash && !hard.drive(Driver::Fsm).crash);
+    }
+
+    #[test]
+    fn whether_fsm_stops_behind_the_hardest_braking_depends_on_what_rounding_leaves_of_the_first_gap() {
+        // At the distance that it keeps, PFS is exactly 0. A hair less, and it reacts one step earlier: that suffices in
+        // the only four followings of the grid in which it crashes, and changes none of the others.
+        let hair = 2e-9;
+        let mut decided = Vec::new();
+        for v in (12..=128).step_by(2).map(f64::from) {
+            for share in (1..=19).map(|i| 0.05 * f64::from(i)) {
+                let case = Following { velocity: kmh(v), deceleration: share * 9.81 };
+                let kept = Driver::Fsm.kept_distance(case.velocity);
+                let crash = |gap| case.drive_from(Driver::Fsm, gap).crash;
+                assert_eq!(crash(kept), crash(kept + hair), "{v} km/h, {share} g");
+                assert!(!crash(kept - hair), "{v} km/h, {share} g");
+                if crash(kept) {
+                    decided.push((v, (100.0 * share).round()));
+                }
+            }
+        }
+        assert_eq!(decided, [122.0, 124.0, 126.0, 128.0].map(|v| (v, 95.0)));
     }
 
     #[test]
