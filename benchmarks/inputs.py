@@ -12,10 +12,13 @@ import argparse
 import dataclasses
 import gzip
 import json
+import math
 import random
+import resource
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -23,33 +26,47 @@ import numpy as np
 import interdrive as idr
 from interdrive.scenario import GoalState, InitialState, PlanningProblem, Shape
 
-#: Reads a file: seconds from the call to the scenario, to the first step, and bytes that the peak rose by.
-READ = """
-import json, resource, sys, time
-begun = time.perf_counter()
-import interdrive as idr
-options = json.loads(sys.argv[2])
-peak = lambda: 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-if sys.argv[3]:
-    idr.read_source(sys.argv[3], **options)  # so that what is imported on first use is not counted
-before, called = peak(), time.perf_counter()
-scenario = idr.read_source(sys.argv[1], **options)
-print(json.dumps({"read": time.perf_counter() - called, "whole": time.perf_counter() - begun,
-                  "memory": peak() - before, "lanelets": len(scenario.lanelets.ids)}))
-"""
 #: As long as a goal is away [m], and starts from each other [m].
 WAY, APART = 300.0, 12.0
 
 
 def main() -> None:
-    """Prints the tables."""
+    """Prints the tables, or with `--one` what the process that reads one file has measured."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seeds", type=int, default=5, help="draws of traffic for each town")
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--first", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if arguments.one:
+        print(json.dumps(one(arguments.folder, arguments.first)))
+        return
     print(converted(arguments.folder))
     print(speed(arguments.folder))
     print(drives(arguments.folder, arguments.seeds))
+
+
+def one(path: Path, first: Path | None) -> dict[str, float]:
+    """Seconds of processor time from the call to the scenario, and to the first step; by how much memory rises [B].
+
+    With another file of the format that is read before, what is imported on first use does not count.
+    """
+    if first is not None:
+        idr.read_source(first)
+    begun, peak = time.process_time(), _peak()
+    scenario = idr.read_source(path)
+    read = time.process_time() - begun
+    found = {"read": read, "memory": _peak() - peak, "lanelets": float(len(scenario.lanelets.ids)), "step": math.nan}
+    if not len(scenario.obstacles.ids):
+        busy = with_vehicles(scenario, 30, 1)
+        begun = time.process_time()
+        idr.Simulation(busy, agents="problems", threads=1).step()
+        found["step"] = read + time.process_time() - begun
+    return found
+
+
+def _peak() -> float:
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def converted(folder: Path) -> str:
@@ -60,34 +77,34 @@ def converted(folder: Path) -> str:
         for path in paths:
             words = ["convert", str(path), "--out", str(Path(target, "map.xml")), "--overwrite", "--quiet"]
             codes.append(subprocess.run([sys.executable, "-m", "interdrive", *words], check=False).returncode)
-            times[path.name] = read(path)["read"]
+            times[path.name] = measured(path)["read"]
     slowest = max(times, key=lambda name: times[name])
-    return f"\n| OpenDRIVE maps | exit code 0 | slowest |\n|--:|--:|---|\n| {len(paths)} | {codes.count(0)} | {slowest}, {times[slowest]:.2f} s |"
+    return (
+        "\n| OpenDRIVE maps | exit code 0 | slowest |\n|--:|--:|---|\n"
+        f"| {len(paths)} | {codes.count(0)} | {slowest}, {times[slowest]:.2f} s |"
+    )
 
 
 def speed(folder: Path) -> str:
     """Time and memory of the larger files."""
-    rows = ["\n| file | size | lanelets | read | whole process | memory / size |", "|---|--:|--:|--:|--:|--:|"]
+    rows = ["\n| file | size | lanelets | to the scenario | to the first step | memory / size |"]
+    rows.append("|---|--:|--:|--:|--:|--:|")
     for path in [*sorted((folder / "xodr").glob("Town*")), *sorted((folder / "womd").iterdir())]:
         data = path.read_bytes()
         size = len(gzip.decompress(data) if path.suffix == ".gz" else data)
-        found = read(path)
-        warm = read(path, first=smallest(path))
+        found = measured(path)
+        found["memory"] = measured(path, min(path.parent.iterdir(), key=lambda other: other.stat().st_size))["memory"]
+        step = "" if math.isnan(found["step"]) else f"{found['step']:.2f} s"
         rows.append(
-            f"| {path.name} | {1e-6 * size:.1f} MB | {found['lanelets']:.0f} | {found['read']:.2f} s | "
-            f"{found['whole']:.2f} s | {warm['memory'] / size:.1f} |"
+            f"| {path.name} | {1e-6 * size:.1f} MB | {found['lanelets']:.0f} | {found['read']:.2f} s | {step} | "
+            f"{found['memory'] / size:.1f} |"
         )
     return "\n".join(rows)
 
 
-def smallest(path: Path) -> str:
-    """The smallest file of the same format."""
-    return str(min(path.parent.iterdir(), key=lambda other: other.stat().st_size))
-
-
-def read(path: Path, first: str = "") -> dict[str, float]:
-    """What `READ` measures of a file."""
-    command = [sys.executable, "-c", READ, str(path), json.dumps({}), first]
+def measured(path: Path, first: Path | None = None) -> dict[str, float]:
+    """What `one` says in a process of its own."""
+    command = [sys.executable, __file__, str(path), "--one", *(("--first", str(first)) if first else ())]
     found: dict[str, float] = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     return found
 

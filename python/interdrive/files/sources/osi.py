@@ -18,6 +18,7 @@ from interdrive.files.sources.notes import Notes
 from interdrive.files.sources.opendrive.reader import read as read_opendrive
 from interdrive.files.sources.opening import SourceFile
 from interdrive.files.sources.osi_control import ControlTrace
+from interdrive.files.sources.osi_junctions import add_ways
 from interdrive.files.sources.pairing import paired
 from interdrive.files.sources.polylines import distinct
 from interdrive.scenario.limits import LARGEST_DT, SMALLEST_DT
@@ -276,10 +277,10 @@ def _roads(trace: _Trace, file: SourceFile, options: SourceOptions, notes: Notes
         if lane is not None:
             lanes[number] = lane
     if lanes:
-        if len(lanes) < len(driven):
-            notes.leave_out("lanes", "without two boundaries", len(driven) - len(lanes))
         position = {number: index for index, number in enumerate(lanes)}
-        return Roads(list(lanes.values()), _links(driven, position))
+        roads = Roads(list(lanes.values()), _links(driven, position))
+        add_ways(roads, position, driven, notes)
+        return roads
     centres = {number: _centre(one) for number, one in driven.items()}
     lines = [CentreLine(str(number), centre) for number, centre in centres.items() if len(centre) > 1]
     if len(lines) < len(driven):
