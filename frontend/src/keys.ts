@@ -27,6 +27,7 @@ const KEYS: [string, string][] = [
   ["W A S D", "move the map"],
   ["P C R V M L", "show plan, candidates, predictions, view, V2X, ids"],
   ["E", "predictions of all participants or only of conflict partners"],
+  ["I", "save the map as a picture"],
   ["T", "light or dark"],
   ["Shift+A", "larger text"],
 ];
@@ -34,7 +35,11 @@ const KEYS: [string, string][] = [
 export function helpDialog(): HTMLDialogElement {
   const table = element("table", { class: "keys" });
   for (const [key, what] of KEYS) table.append(element("tr", {}, element("th", {}, key), element("td", {}, what)));
-  const mouse = element("p", {}, "Click on a vehicle to select it, double click to follow it. Drag and wheel move the map.");
+  const mouse = element(
+    "p",
+    {},
+    "Click on a vehicle to select it, double click to follow it. Drag and wheel move the map. The address names the moment: copy it as a link.",
+  );
   const dialog = element("dialog", { "aria-label": "Keys" }, element("h2", {}, "Keys"), table, mouse);
   dialog.append(button("Close", "Close", () => dialog.close()));
   return dialog;
@@ -107,6 +112,7 @@ function press(key: string, shift: boolean, { run, state, map, player, jump }: P
     a: () => moved(60, 0),
     d: () => moved(-60, 0),
     A: () => document.querySelector<HTMLButtonElement>(".head button")!.click(),
+    i: () => document.querySelector<HTMLButtonElement>(".tools .save")!.click(),
     t: () => {
       state.theme = state.theme === "light" ? "dark" : "light";
       state.changed();

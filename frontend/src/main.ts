@@ -9,7 +9,9 @@ import { button, element, toggle } from "./elements";
 import { focusAfterClicks, helpDialog, listenToKeys } from "./keys";
 import { link } from "./link";
 import { RoadMap } from "./map";
+import { keepMoment } from "./moment";
 import { Panels } from "./panels";
+import { savePicture } from "./picture";
 import { Player } from "./player";
 import { Run } from "./run";
 import { State } from "./state";
@@ -44,7 +46,7 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
   const help = helpDialog();
   root.replaceChildren(
     headline(run, state, () => help.showModal()),
-    mapArea(map, state),
+    mapArea(map, state, () => savePicture(run, state, map)),
     player.root,
     detail.root,
     panels.root,
@@ -53,6 +55,7 @@ async function showRun(root: HTMLElement, header: RunHeader, arrays: string): Pr
   listenToKeys({ run, state, map, player, jump });
   focusAfterClicks(root, map);
   link(run, state, map);
+  keepMoment(run, state, map);
 
   let dirty = true;
   state.onChange(() => (dirty = true));
@@ -113,7 +116,7 @@ function headline(run: Run, state: State, help: () => void): HTMLElement {
   );
 }
 
-function mapArea(map: RoadMap, state: State): HTMLElement {
+function mapArea(map: RoadMap, state: State, save: () => void): HTMLElement {
   const labels = toggle("ids", "Ids of agents (L)", true, (on) => {
     state.layers.labels = on;
     state.changed();
@@ -124,6 +127,7 @@ function mapArea(map: RoadMap, state: State): HTMLElement {
     button("+", "Zoom in (+)", () => map.zoom(1.4)),
     button("−", "Zoom out (−)", () => map.zoom(1 / 1.4)),
     button("⤢", "Show everything (0)", () => map.fit()),
+    button("⤓", "Save the map as a picture (I)", save, { class: "save" }),
     labels,
   );
   return element("div", { class: "map-area" }, map.root, tools);

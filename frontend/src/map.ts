@@ -77,6 +77,22 @@ export class RoadMap {
     this.traffic.draw(this.moving.getContext("2d")!, camera, ratio, state);
   }
 
+  /** What it shows now, road and traffic, with so many pixels per pixel of the page. */
+  layers(ratio: number): HTMLCanvasElement[] {
+    const canvas = () => element("canvas", { width: `${this.camera.width * ratio}`, height: `${this.camera.height * ratio}` });
+    const [ground, moving] = [canvas(), canvas()];
+    this.road.draw(ground.getContext("2d")!, this.camera, ratio, this.state.theme);
+    this.traffic.draw(moving.getContext("2d")!, this.camera, ratio, this.state);
+    return [ground, moving];
+  }
+
+  /** The scale: a round length [m] and how wide it is on the page [px]. */
+  get bar(): { length: number; width: number } {
+    const lengths = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000];
+    const length = lengths.find((l) => l * this.camera.scale > 60) ?? 5000;
+    return { length, width: length * this.camera.scale };
+  }
+
   private get ratio(): number {
     return Math.min(2, window.devicePixelRatio || 1);
   }
@@ -99,9 +115,8 @@ export class RoadMap {
   }
 
   private drawScale(): void {
-    const lengths = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000];
-    const length = lengths.find((l) => l * this.camera.scale > 60) ?? 5000;
-    this.scaleBar.style.width = `${length * this.camera.scale}px`;
+    const { length, width } = this.bar;
+    this.scaleBar.style.width = `${width}px`;
     this.scaleBar.style.color = PALETTES[this.state.theme].ink;
     this.scaleBar.firstElementChild!.textContent = `${length} m`;
   }

@@ -23,6 +23,8 @@ interface Chart {
   least?: number;
   u?: uPlot;
   line?: HTMLElement;
+  /** Time step below the pointer. */
+  hovered?: number;
 }
 
 /** Recorded columns of the states besides the velocity. */
@@ -94,7 +96,7 @@ export class Profiles {
     this.drawPlan();
     for (const chart of this.charts) {
       this.placeLine(chart);
-      chart.value.textContent = this.valueOf(chart);
+      this.say(chart);
     }
   }
 
@@ -127,8 +129,8 @@ export class Profiles {
     });
   }
 
-  private valueOf(chart: Chart): string {
-    const { step, selected } = this.state;
+  private valueOf(chart: Chart, step = this.state.step): string {
+    const { selected } = this.state;
     const agent = this.run.header.participants[selected].agent;
     if (chart.levels().length || chart.cap) {
       if (agent < 0) return "of agents only";
@@ -195,7 +197,7 @@ export class Profiles {
     chart.u = new uPlot(options, [this.times, chart.series(), empty] as uPlot.AlignedData, chart.plot);
     chart.line = element("div", { class: "cursor-line" });
     chart.u.over.append(chart.line);
-    this.seekOn(chart.u);
+    this.seekOn(chart, chart.u);
   }
 
   /** What the current plan intends, in the chart of velocities. */
@@ -232,7 +234,13 @@ export class Profiles {
     return bottom >= 0 ? [Math.max(middle - half, -0.05 * (middle + half)), middle + half] : [middle - half, middle + half];
   }
 
-  private seekOn(u: uPlot): void {
+  /** The value now, or at the time below the pointer. */
+  private say(chart: Chart): void {
+    const at = chart.hovered;
+    chart.value.textContent = at === undefined ? this.valueOf(chart) : `${this.run.time(at)}: ${this.valueOf(chart, at)}`;
+  }
+
+  private seekOn(chart: Chart, u: uPlot): void {
     const seek = (event: PointerEvent) => {
       const time = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x");
       this.state.playing = false;
@@ -244,6 +252,14 @@ export class Profiles {
     });
     u.over.addEventListener("pointermove", (event) => {
       if (event.buttons & 1) seek(event);
+      const time = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, "x");
+      const step = Math.round(time / this.run.header.dt) - this.run.header.first_time_step;
+      chart.hovered = Math.min(this.run.steps - 1, Math.max(0, step));
+      this.say(chart);
+    });
+    u.over.addEventListener("pointerleave", () => {
+      chart.hovered = undefined;
+      this.say(chart);
     });
   }
 

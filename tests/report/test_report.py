@@ -25,10 +25,12 @@ from interdrive.criticality.tables import save_criticality
 from interdrive.errors import InputError, ResultsError
 from interdrive.report import write_pair_report, write_run_report
 from interdrive.report.contents import run_contents
+from interdrive.report.differences import differing_settings
 from interdrive.report.events import events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, predictions_table, read_results, save
+from interdrive.results.information import read_information
 from interdrive.runs import recorded_run
 from interdrive.simulation import simulate
 from interdrive.testing import Car, problem, straight_road, world
@@ -483,5 +485,23 @@ def test_two_runs_of_a_scenario_share_a_page_and_others_do_not(tmp_path):
     text = path.read_text(encoding="utf-8")
     assert text.count("<iframe ") == 2
     assert f"<h1>{tmp_path / 'idm'}</h1>" in text
+    assert "Both runs have the same settings." in text
     with pytest.raises(ResultsError, match="runs of different scenarios"):
         write_pair_report(tmp_path / "frenet", tmp_path / "other")
+
+
+def test_a_page_of_two_runs_and_its_command_say_which_settings_differ(tmp_path):
+    world = {"agents": 2, "threads": 1, "predictor": "constant_velocity"}
+    limits = {"step.max_steps": 5, "record.views": True}
+    save(simulate("t_junction", planner="idm", settings=limits, **world), tmp_path / "one")
+    limits = {"step.max_steps": 5, "view.sensor_radius": 40.0}
+    save(simulate("t_junction", planner={2001: "idm", "default": "frenet"}, settings=limits, **world), tmp_path / "two")
+    ids = [agent["id"] for agent in json.loads((tmp_path / "one" / "run.json").read_text())["agents"]]
+    found = differing_settings(*(read_information(tmp_path / name) for name in ("one", "two")))
+    planners = [(f"planner.{agent}", "idm", "frenet") for agent in ids if agent != 2001]
+    assert found == [*planners, ("view.sensor_radius", "80", "40")]
+    done = CliRunner().invoke(main, ["report", str(tmp_path / "one"), str(tmp_path / "two")])
+    assert done.exit_code == 0
+    assert any(line.split() == ["view.sensor_radius", "80", "40"] for line in done.stdout.splitlines())
+    text = (tmp_path / "one_two.html").read_text(encoding="utf-8")
+    assert "<tr><td>view.sensor_radius</td><td>80</td><td>40</td></tr>" in text

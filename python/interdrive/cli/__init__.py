@@ -35,6 +35,7 @@ from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.preventability import preventability
 from interdrive.cli.realism import realism
+from interdrive.cli.rerun import rerun
 from interdrive.cli.run import run
 from interdrive.cli.score import score
 from interdrive.cli.search import search
@@ -120,6 +121,7 @@ _GROUPS = {
         (convert, "Convert a map or a recording of another tool to CommonRoad."),
         (join, "Join consecutive recordings into one file."),
         (verify, "Repeat a run and compare all states."),
+        (rerun, "Repeat the run of an older folder with this version."),
         (study, "Replay an encounter at three degrees of interaction."),
     ),
     "Look at a run": (

@@ -18,7 +18,7 @@ def report(folder: str, other: str | None, out: str | None, quiet: bool) -> None
     RUN is a run folder. The page states which parts were not recorded; `interdrive run --report` records everything and
     writes the page at once. BATCH is a batch folder: its page shows the comparison of planners, distributions and all
     runs; kept runs get pages of their own, one click away. Two RUNs of one scenario, for instance of two planners, are
-    shown side by side with one clock.
+    shown side by side with one clock; the page and the command say which settings differ.
     """
     from interdrive.batch_report import is_batch, write_batch_report  # noqa: PLC0415 - matplotlib
     from interdrive.cli.report import print_page, progress  # noqa: PLC0415 - rich
@@ -32,5 +32,9 @@ def report(folder: str, other: str | None, out: str | None, quiet: bool) -> None
             path = write_batch_report(folder, out, on_run=bar.frames("pages of runs"))
         else:
             path = write_run_report(folder, out)
+    if not quiet and other is not None:
+        from interdrive.cli.report import print_differences  # noqa: PLC0415 - rich
+
+        print_differences(folder, other)
     if not quiet:
         print_page(shown(path.resolve()), path.stat().st_size)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +24,6 @@ from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
     from rich.console import ConsoleOptions, RenderableType
 
@@ -264,6 +264,22 @@ def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
 def print_page(path: Path, size: int) -> None:
     """Prints the path and size of a page."""
     output().print(f"{escape(str(path))} ({size / 1e6:.1f} MB); open it in a browser", soft_wrap=True)
+
+
+def print_differences(one: str, other: str) -> None:
+    """Prints which settings of the runs in two folders differ."""
+    from interdrive.report.differences import differing_settings  # noqa: PLC0415 - loaded when asked for
+    from interdrive.results.information import read_information  # noqa: PLC0415
+
+    console = output()
+    differ = differing_settings(*(read_information(Path(folder)) for folder in (one, other)))
+    if not differ:
+        console.print("both runs have the same settings")
+        return
+    table = table_of(("setting", one, other))
+    for row in differ:
+        table.add_row(*map(escape, row))
+    print_table(console, table, 1)
 
 
 def print_criticality(found: Criticality, name: str, folder: Path) -> None:

@@ -58,7 +58,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     except (KeyError, TypeError, ValueError) as cause:
         raise InputError(f"{folder}: run.json does not say how to repeat the run ({cause!r})") from None
     if not trust:
-        _ask(folder, modules_named(wanted["planner"], wanted["predictor"]))
+        ask_before_import(folder, modules_named(wanted["planner"], wanted["predictor"]))
     with progress(quiet=False) as report:
         report.say("repeating the run")
         again = simulate(simulated, threads=threads, on_step=report.step, **arguments)
@@ -69,7 +69,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     return 0 if equal else 1
 
 
-def _ask(folder: str, modules: Sequence[str]) -> None:
+def ask_before_import(folder: str, modules: Sequence[str]) -> None:
     """Asks before running code that a folder names, because the folder may come from an unknown author.
 
     Raises:

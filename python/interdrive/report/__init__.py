@@ -6,6 +6,7 @@ from pathlib import Path
 
 from interdrive.errors import ResultsError
 from interdrive.report.contents import run_contents
+from interdrive.report.differences import differing_settings
 from interdrive.report.page import page, page_path, pages_side_by_side, write_page
 from interdrive.results.folder import inputs_of
 from interdrive.results.information import read_information
@@ -52,12 +53,13 @@ def write_pair_report(first: str | Path, second: str | Path, path: str | Path | 
     one, other = (Path(folder).resolve() for folder in (first, second))
     target = page_path(one, one.with_name(f"{one.name}_{other.name}.html") if path is None else path)
     keep_inputs(target, [*_read(one), *_read(other)])
-    scenarios = [read_information(folder)["scenario"] for folder in (one, other)]
+    told = [read_information(folder) for folder in (one, other)]
+    scenarios = [info["scenario"] for info in told]
     names = [str(scenario["name"]) for scenario in scenarios]
     if len({(scenario["name"], scenario["sha256"]) for scenario in scenarios}) > 1:
         raise ResultsError(f"{first} and {second}: runs of different scenarios, {names[0]} and {names[1]}")
     pages = [(str(folder), page(names[0], run_contents(folder))) for folder in (first, second)]
-    return write_page(pages_side_by_side(f"{names[0]} - interdrive", pages), target)
+    return write_page(pages_side_by_side(f"{names[0]} - interdrive", pages, differing_settings(*told)), target)
 
 
 def _read(folder: str | Path) -> list[Path]:

@@ -25,23 +25,57 @@ _RELAY = """addEventListener("message", (event) => {
 });"""
 
 _SIDE_BY_SIDE = """html, body { height: 100%; margin: 0; }
-body { display: flex; font: 14px system-ui, sans-serif; }
+body { display: flex; flex-direction: column; font: 14px system-ui, sans-serif; }
 section { flex: 1; display: flex; flex-direction: column; min-width: 0; }
 h1 { font-size: 1rem; margin: 0.4rem 0.8rem; }
+.differ { margin: 0; padding: 0.3rem 0.8rem; border-bottom: 1px solid #bbb; }
+.differ div { max-height: 20vh; overflow: auto; }
+.differ table { border-collapse: collapse; }
+.differ th, .differ td { text-align: left; padding: 0 1rem 0.1rem 0; font-weight: normal; overflow-wrap: anywhere; }
+.runs { flex: 1; display: flex; min-height: 0; }
 iframe { flex: 1; border: 0; border-right: 1px solid #bbb; width: 100%; }
-@media (max-width: 900px) { body { flex-direction: column; } }"""
+@media (max-width: 900px) { .runs { flex-direction: column; } }"""
 
 
-def pages_side_by_side(title: str, pages: Sequence[tuple[str, str]]) -> str:
-    """One page with several ones in it, each with its name; they share their clock (frontend/src/link.ts)."""
+def pages_side_by_side(
+    title: str, pages: Sequence[tuple[str, str]], differ: Sequence[tuple[str, str, str]] = ()
+) -> str:
+    """One page with two in it, each with its name; they share their clock (frontend/src/link.ts).
+
+    Args:
+        title: Of the page.
+        pages: Name and text of each.
+        differ: What differs between them: a name, and the value in each.
+    """
     shown = (
         f'<section><h1>{html.escape(name)}</h1><iframe title="{html.escape(name)}" srcdoc="{html.escape(text)}">'
         "</iframe></section>"
         for name, text in pages
     )
     return "\n".join(
-        (_head(title, _SIDE_BY_SIDE), "<body>", f"<script>{_RELAY}</script>", *shown, "</body>", "</html>", "")
+        (
+            _head(title, _SIDE_BY_SIDE),
+            "<body>",
+            f"<script>{_RELAY}</script>",
+            _differences(differ),
+            '<div class="runs">',
+            *shown,
+            "</div>",
+            "</body>",
+            "</html>",
+            "",
+        )
     )
+
+
+def _differences(differ: Sequence[tuple[str, str, str]]) -> str:
+    if not differ:
+        return '<p class="differ">Both runs have the same settings.</p>'
+    rows = "".join(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in row)}</tr>" for row in differ)
+    head = "<tr><th></th><th>left</th><th>right</th></tr>"
+    n = len(differ)
+    said = "1 setting differs" if n == 1 else f"{n} settings differ"
+    return f'<details class="differ"><summary>{said}</summary><div><table>{head}{rows}</table></div></details>'
 
 
 def page(title: str, contents: Contents) -> str:
