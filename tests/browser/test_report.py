@@ -550,3 +550,48 @@ def test_a_batch_has_no_columns_without_content_and_still_sorts(page, batch, tmp
     assert planners.all_inner_texts() == sorted(planners.all_inner_texts())
     page.get_by_role("button", name="Sort by planner").click()
     assert planners.all_inner_texts() == sorted(planners.all_inner_texts(), reverse=True)
+
+
+def test_an_address_opens_a_moment_and_says_which_one_is_shown(page, demo):
+    page.goto(f"{demo.as_uri()}#t=3.5&agent=1003")
+    page.wait_for_selector('#report[data-step="35"][data-selected="1003"]', timeout=20_000)
+    page.locator(".map").focus()
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function("() => location.hash === '#t=3.6&agent=1003'")
+    page.keyboard.press("Escape")
+    page.wait_for_function("() => location.hash === '#t=3.6'")
+    page.evaluate("location.hash = '#t=1.0&agent=2001'")
+    page.wait_for_selector('#report[data-step="10"][data-selected="2001"]')
+
+
+@pytest.mark.parametrize("wish", ["#t=soon&agent=nobody", "#t=&agent=", "#t=-1e9&agent=77", "#%%%"])
+def test_an_address_that_means_no_moment_shows_the_beginning(page, demo, wish):
+    page.goto(demo.as_uri() + wish)
+    page.wait_for_selector('#report[data-step="0"][data-selected=""]', timeout=20_000)
+
+
+def test_the_map_is_saved_as_a_picture(page, demo, tmp_path):
+    page.goto(f"{demo.as_uri()}#t=3.5&agent=1003")
+    page.wait_for_selector('#report[data-step="35"]', timeout=20_000)
+    width = page.locator(".map").bounding_box()["width"]
+    with page.expect_download() as saved:
+        page.get_by_title("Save the map as a picture (I)").click()
+    assert saved.value.suggested_filename == "t_junction_3.5s.png"
+    saved.value.save_as(tmp_path / "map.png")
+    picture = Image.open(tmp_path / "map.png").convert("RGB")
+    assert picture.width == pytest.approx(3 * width, abs=3)
+    colours = picture.getcolors(maxcolors=picture.width * picture.height)
+    assert len(colours) > 50, "roads, vehicles and letters"
+
+
+def test_below_the_pointer_a_chart_says_its_value_and_a_vehicle_who_it_is(page, demo):
+    page.goto(f"{demo.as_uri()}#t=0&agent=1003")
+    page.wait_for_selector('#report[data-selected="1003"]', timeout=20_000)
+    ready(page)
+    value = page.locator(".profile .value").first
+    before = value.inner_text()
+    box = page.locator(".profile .plot .u-over").first.bounding_box()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    assert re.fullmatch(r"\d+\.\d s: \d+\.\d m/s", value.inner_text())
+    page.mouse.move(5, 5)
+    assert value.inner_text() == before

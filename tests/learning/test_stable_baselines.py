@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor
 
-from interdrive import InputError, envs
+from interdrive import InputError, envs, simulate
 from interdrive.envs.sb3 import DriveVecEnv
 
 PROBLEM = {"scenarios": "t_junction", "learners": [2001]}
@@ -75,3 +75,26 @@ def test_single_worlds_cannot_be_changed():
         env.set_attr("threads", 2)
     with pytest.raises(InputError, match=r"actions: shape \(3, 2\) given, \(2, 2\) expected"):
         env.step(np.zeros((3, 2)))
+
+
+def test_a_trained_model_is_a_planner_that_decides_as_the_model_does(tmp_path):
+    env = VecMonitor(DriveVecEnv(4, **PROBLEM, traffic="idm", max_seconds=5.0))
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, seed=0, device="cpu").learn(256)
+    file = tmp_path / "ppo.safetensors"
+    envs.export_stable_baselines(model, file)
+    single = envs.DriveEnv(**PROBLEM, traffic="idm", record=True)
+    observation, _ = single.reset(seed=0)
+    info = {}
+    while not info:
+        observation, *_, info = single.step(model.predict(observation, deterministic=True)[0])
+    planner = {"default": "idm", 2001: f"policy,file={file}"}
+    run = simulate("t_junction", planner=planner, predictor="lane_following", threads=1)
+    row = run.states.participant_id.tolist().index(2001)
+    n = info["steps"] + 1
+    np.testing.assert_allclose(run.states.x[row, :n], single.run().states.x[row, :n], atol=1e-3)
+
+
+def test_a_model_with_other_layers_is_refused_by_their_names(tmp_path):
+    model = SAC("MlpPolicy", DriveVecEnv(1, **PROBLEM), buffer_size=10, device="cpu")
+    with pytest.raises(InputError, match=r"its layers are actor\.latent_pi\.0\.weight"):
+        envs.export_stable_baselines(model, tmp_path / "sac.safetensors")

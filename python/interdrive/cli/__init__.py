@@ -34,6 +34,7 @@ from interdrive.cli.plot import plot
 from interdrive.cli.plugins import planners, predictors
 from interdrive.cli.predict_eval import predict_eval
 from interdrive.cli.preventability import preventability
+from interdrive.cli.problem import problem
 from interdrive.cli.realism import realism
 from interdrive.cli.rerun import rerun
 from interdrive.cli.run import run
@@ -119,6 +120,7 @@ _GROUPS = {
         (run, "Simulate a scenario in which vehicles plan for themselves."),
         (check, "Inspect scenario files and list possible agents."),
         (convert, "Convert a map or a recording of another tool to CommonRoad."),
+        (problem, "Put planning problems on a map, from lane to lane."),
         (join, "Join consecutive recordings into one file."),
         (verify, "Repeat a run and compare all states."),
         (rerun, "Repeat the run of an older folder with this version."),

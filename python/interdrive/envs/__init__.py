@@ -22,6 +22,7 @@ from interdrive.envs.rows import Rows
 from interdrive.envs.sampling import Hardest, Sampler, Uniform
 from interdrive.envs.settings import EnvSettings
 from interdrive.envs.single import DriveEnv
+from interdrive.envs.stable_baselines import export_stable_baselines
 from interdrive.envs.vector import DriveVectorEnv
 from interdrive.native_settings import FrenetTarget, Kinematic, ObservationSettings, RewardWeights
 
@@ -41,6 +42,7 @@ __all__ = [
     "Sampler",
     "Uniform",
     "export_policy",
+    "export_stable_baselines",
     "parallel_env",
 ]
 
