@@ -13,7 +13,7 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions audit oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions audit oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels container locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
 ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
@@ -115,6 +115,9 @@ wheel: .venv-release/.tools ## a wheel for this machine in dist/ (some minutes)
 
 wheels: .venv-release/.tools ## wheels for x86_64 and aarch64 and an sdist in dist/, tried in fresh environments; see RELEASES.md
 	.venv-release/bin/python releases/wheels.py
+
+container: ## builds the image of the Dockerfile with the wheel in dist/ and drives in it; without docker in an empty root
+	$(PYTHON) releases/container.py
 
 LOCKS := venv venv-docs venv-oracles venv-third venv-ray
 locks: ## the newest versions that fit, in fresh environments, written to locks/

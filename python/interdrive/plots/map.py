@@ -25,6 +25,8 @@ _MARGIN, _BORDER = 5.0, 0.45
 _SIDE = 12.0
 #: Where on its lane an id may stand, best first, and how far from others it should [pt].
 _PLACES, _ROOM = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9), 14.0
+#: Points of a lane that may lie in the box.
+_FINE = 101
 #: Of planning problems.
 _BLUE = "#0b5c8e"
 #: Sizes of ids [pt], and the least length of a lane on paper that has one [pt].
@@ -96,11 +98,12 @@ def _write_ids(axes: Axes, scenario: Scenario, shown: list[int], box: tuple[Floa
         if at[-1] * points < _LEAST:
             too_short += 1
             continue
-        along = at[-1] * np.array(_PLACES)
+        along = np.linspace(0.0, at[-1], _FINE)
         places = np.stack([np.interp(along, at, middle[:, axis]) for axis in (0, 1)], axis=1)
         places = places[np.all((places >= box[0]) & (places <= box[1]), axis=1)]
         if not len(places):
             continue
+        places = places[np.round(np.array(_PLACES) * (len(places) - 1)).astype(np.int64)]
         free = [min((float(np.hypot(*(place - other))) for other in taken), default=np.inf) for place in places]
         chosen = next((k for k, room in enumerate(free) if room * points > _ROOM), int(np.argmax(free)))
         taken.append(places[chosen])
