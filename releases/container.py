@@ -23,6 +23,8 @@ ROOT = Path(__file__).parents[1]
 TRIALS = (("run", "t_junction", "--out", "out/first", "--quiet"), ("verify", "out/first"))
 #: Files of the machine that name servers and certificates, which a container gets from docker.
 _NETWORK = ("/etc/resolv.conf", "/etc/hosts", "/etc/pip.conf", "/etc/apt/apt.conf.d", "/etc/ssl/certs")
+#: Variables that name certificates; in the root these lie where no package replaces them.
+_CERTIFICATES = ("PIP_CERT", "SSL_CERT_FILE", "REQUESTS_CA_BUNDLE")
 #: Variables that say how to reach package indexes.
 _PASSED = ("PIP_", "SSL_", "HTTP", "http", "https", "no_proxy", "NO_PROXY", "REQUESTS_")
 
@@ -66,6 +68,10 @@ def in_root(root: Path, steps: list[tuple[str, str]]) -> None:
         print(f"{word} {rest}", flush=True)
         if word == "FROM":
             _make_base(root, rest)
+            for name in _CERTIFICATES:
+                if (bundle := Path(variables.get(name, "/"))).is_file():
+                    shutil.copyfile(bundle, root / "etc" / f"{name}.crt")
+                    variables[name] = f"/etc/{name}.crt"
         elif word == "COPY":
             _copy(root, *rest.split())
         elif word == "RUN":
