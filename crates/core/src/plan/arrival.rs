@@ -76,12 +76,12 @@ pub(super) fn desired(
     if !is_free {
         return (if is_late { onwards } else { needed }, stop);
     }
-    let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0));
+    let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0)).max(cruise_velocity_min);
     let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if is_late {
         let limit = Some(request.rules.way.limits.at(s)).filter(|limit| limit.is_finite());
         let free = free.max(limit.unwrap_or(0.0));
-        return (free.max(cruise_velocity_min).min(approach), stop);
+        return (free.min(approach), stop);
     }
     let soonest = earliest + ARRIVAL_RESERVE.min(0.5 * (latest - earliest));
     let not_too_early = if is_early { arriving_after(soonest) } else { f64::INFINITY };
