@@ -63,8 +63,8 @@ class Comfort:
             Positive and at most 100.
         velocity_step: Largest difference between the present speed and the speed at which a gap for a lane change
             is looked for. Positive and at most 100.
-        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor
-            speed. Between 0 and 100.
+        cruise_velocity_min: Lowest desired speed on a free road, where neither the goal nor the road asks for less.
+            Between 0 and 100.
     """
 
     time_gap: Annotated[float, "s"] = 0.85
@@ -168,8 +168,8 @@ class FrenetComfort:
         lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
         velocity_step: Largest difference between desired and present speed. Positive and at most 100.
-        cruise_velocity_min: Lowest desired speed of late agents and of agents whose goal has neither place nor
-            speed. Between 0 and 100.
+        cruise_velocity_min: Lowest desired speed on a free road, where neither the goal nor the road asks for less.
+            Between 0 and 100.
     """
 
     time_gap: Annotated[float, "s"] = 0.85

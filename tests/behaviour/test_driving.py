@@ -129,3 +129,12 @@ def test_on_a_road_with_a_known_limit_an_agent_is_early_but_never_too_fast(limit
     assert run.outcomes.outcome == ("goal_reached",)
     assert earliest <= 0.1 * (np.count_nonzero(run.states.valid[0]) - 1) <= latest, "s"
     assert not np.nanmax(run.states.velocity[0]) > limit + 0.05, "m/s"
+
+
+@pytest.mark.parametrize("planner", ["frenet", "rollout"])
+def test_an_agent_that_enters_at_a_crawl_does_not_crawl_to_its_goal(planner):
+    # 60 m in 40 s take 1.5 m/s, and neither the road nor the goal says how fast it should be: 5 m/s take 12 s.
+    agent = problem(1, 20.0, velocity=0.2, goal=(85.0, 0.0), goal_size=(10.0, 3.5), time_step=(0, 400))
+    run = simulate(world(straight_road(), problems=[agent], steps=400), planner=planner, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert 0.1 * run.outcomes.time_step[0] < 16.0, "s"

@@ -161,9 +161,10 @@ def test_a_crowd_at_a_cross_gets_through(seed):
     run = idr.simulate(world(lanes(*ARMS), problems=problems), settings=RULES, threads=1)
     assert set(run.outcomes.outcome) == {"goal_reached"}
     assert run.violations.count("keep_clear") == 0
-    # In a circle of four one goes before the one to its right, which comes soon after it, as windows are estimates.
+    # In a circle of four one goes before the one to its right, which comes soon after it, as windows are estimates;
+    # up to eight agents make two such circles, and the next ones follow closely.
     after = run.violations.value[np.array(run.violations.rule, dtype=str) == "right_of_way"]
-    assert len(after) <= 2 and (after > 0.4).all(), "s"
+    assert len(after) <= 3 and (after > 0.4).all(), "s"
 
 
 def any_way(rng):

@@ -281,7 +281,7 @@ def test_an_agent_that_stands_askew_in_a_wide_lane_drives_off(planner, y, headin
         ("rollout", 1.2, 0.4),
         ("frenet", -1.2, -0.4),
         ("rollout", -1.2, -0.4),
-        pytest.param("frenet", 1.2, -0.4, marks=missing(ASKEW)),
+        ("frenet", 1.2, -0.4),
         ("rollout", 1.2, -0.4),
     ],
 )

@@ -27,11 +27,12 @@ const GOAL_SPEED_SHARE: f64 = 0.8;
 /// Before the area: the constant speed that, followed by comfortable braking (or accelerating) to the goal's speeds,
 /// brings the agent into the area at the middle of the time interval or before its end, whichever is later: shortly
 /// before it, or with `free` on a road with a speed limit early enough for what may hold it up on the way. With
-/// `free`, at least the agent's free speed, which is the higher of its speed when it entered and the middle of the
-/// goal's speeds (an interval that includes standing says nothing), but slow enough to brake comfortably to the goal's
-/// speeds and not to arrive too early; it then leaves as much as `free` of the goal's speeds on each side [m/s]. Too late: on as before, or with `free` as fast as the limit, or at the free
-/// speed where no limit is known, at `cruise_velocity_min` or more. In the area: the goal's speed; before the time,
-/// slowly enough not to leave it. A goal without a place, or behind the agent: the goal's speed, else the present one.
+/// `free`, at least the agent's free speed, which is the highest of its speed when it entered, the middle of the goal's
+/// speeds (an interval that includes standing says nothing) and `cruise_velocity_min`, but slow enough to brake
+/// comfortably to the goal's speeds and not to arrive too early; it then leaves as much as `free` of the goal's speeds
+/// on each side [m/s]. Too late: on as before, or with `free` as fast as the limit, or at the free speed where no limit
+/// is known. In the area: the goal's speed; before the time, slowly enough not to leave it. A goal without a place, or
+/// behind the agent: the goal's speed, else the present one.
 pub(super) fn desired(
     request: &PlanRequest,
     (s, velocity): (f64, f64),
@@ -76,7 +77,8 @@ pub(super) fn desired(
     if !is_free {
         return (if is_late { onwards } else { needed }, stop);
     }
-    let free = request.entry_velocity.max(goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0)).max(cruise_velocity_min);
+    let middle = goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0);
+    let free = request.entry_velocity.max(middle).max(cruise_velocity_min);
     let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if is_late {
         let limit = Some(request.rules.way.limits.at(s)).filter(|limit| limit.is_finite());

@@ -23,7 +23,7 @@ settings! {
         lateral_acceleration: f64 ["m/s²"] = 2.2, positive(100.0);
         /// Largest difference between the present speed and the speed at which a gap for a lane change is looked for.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
-        /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
+        /// Lowest desired speed on a free road, where neither the goal nor the road asks for less.
         cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 
@@ -39,7 +39,7 @@ settings! {
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Largest difference between desired and present speed.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);
-        /// Lowest desired speed of late agents and of agents whose goal has neither place nor speed.
+        /// Lowest desired speed on a free road, where neither the goal nor the road asks for less.
         cruise_velocity_min: f64 ["m/s"] = 5.0, between(0.0, 100.0);
     }
 }

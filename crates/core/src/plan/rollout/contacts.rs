@@ -95,9 +95,11 @@ impl Surroundings {
         };
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
-                self.add_static((index, other), settings, (&own, &reach));
+                self.add_static((index, other), (settings, start.velocity), (&own, &reach));
             } else {
-                self.add_moving((index, other), (request, settings), (&own, &reach), n_points);
+                let moving = Point::from_angle(other.pose.orientation) * other.velocity;
+                let passing = (own.axis * start.velocity - moving).norm();
+                self.add_moving((index, other), (request, settings, passing), (&own, &reach), n_points);
             }
         }
     }
@@ -105,14 +107,14 @@ impl Surroundings {
     fn add_static(
         &mut self,
         (index, other): (usize, &Other),
-        settings: &RolloutSettings,
+        (settings, passing): (&RolloutSettings, f64),
         (own, reach): (&OrientedBox, &OrientedBox),
     ) {
         for body in part_boxes(other) {
             if !body.grown(1.0).overlaps(reach) {
                 continue;
             }
-            let (margin, overlaps_now) = margin(&body, own, settings);
+            let (margin, overlaps_now) = margin(&body, own, passing, settings);
             let first = self.boxes.len();
             self.boxes.push(body);
             self.bodies.push(Body {
@@ -132,7 +134,7 @@ impl Surroundings {
     fn add_moving(
         &mut self,
         (index, other): (usize, &Other),
-        (request, settings): (&PlanRequest, &RolloutSettings),
+        (request, settings, passing): (&PlanRequest, &RolloutSettings, f64),
         (own, reach): (&OrientedBox, &OrientedBox),
         n_points: usize,
     ) {
@@ -160,7 +162,7 @@ impl Surroundings {
                 self.boxes.push(other.shape.oriented_box_along(position, request.prediction_index.axis(k)));
             }
             let n = self.boxes.len() - first;
-            let (margin, overlaps_now) = margin(&now, own, settings);
+            let (margin, overlaps_now) = margin(&now, own, passing, settings);
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
             let radius = now.radius();
             let is_static = false;
@@ -283,10 +285,11 @@ impl Surroundings {
     }
 }
 
-/// The margins to keep to a body, none if the vehicle is nearer now, and whether it overlaps.
-fn margin(body: &OrientedBox, own: &OrientedBox, settings: &RolloutSettings) -> ([f64; 3], bool) {
+/// The margins to keep to a body passed at a speed [m/s], none if the vehicle is nearer now, and whether it overlaps.
+fn margin(body: &OrientedBox, own: &OrientedBox, passing: f64, settings: &RolloutSettings) -> ([f64; 3], bool) {
     let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
-    let (half_length, half_width) = (body.half_length + margins[0], body.half_width + margins[1]);
+    let half_length = body.half_length + margins[0];
+    let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
     let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
     if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
 }
