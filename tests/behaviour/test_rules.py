@@ -76,6 +76,16 @@ def test_an_agent_stands_before_a_light_that_stays_red(tmp_path, planner):
     assert broken(run) == []
 
 
+@pytest.mark.parametrize("ahead", [102.5, 104.0, 106.0])
+@pytest.mark.parametrize("y", [1.0, -1.0])
+def test_an_agent_that_waits_at_a_red_light_does_not_back_out_from_behind_what_stands_beyond(tmp_path, ahead, y):
+    parked = cr.car(9, cr.initial(ahead + 2.25, y, velocity=0.0), [cr.state(k, ahead + 2.25, y) for k in range(1, 300)])
+    scenario = road(tmp_path, phases=(("red", 250), ("green", 5000)), content=parked, goal=(0, 450))
+    run = idr.simulate(scenario, agents=[50], threads=1)
+    velocity = run.states.velocity[np.searchsorted(run.states.participant_id, 50)]
+    assert velocity[:250].min() > -0.01, "m/s"
+
+
 @pytest.mark.parametrize(("metres", "passes"), [(30.0, False), (29.0, True)])
 def test_at_a_limit_of_30_mph_an_agent_stops_for_yellow_30_m_before_the_line_but_not_29_m(tmp_path, metres, passes):
     # Stopping takes 3.0 or 3.1 m/s².

@@ -43,7 +43,7 @@ impl Search<'_> {
     }
 
     /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits for no other
-    /// participant.
+    /// participant and at no line.
     pub(super) fn reverse(&mut self, best_way: f64) -> Option<Rollout> {
         let request = self.task.request;
         let start = self.task.start;
@@ -55,7 +55,10 @@ impl Search<'_> {
         let here = request.state.pose().position;
         let moves =
             |other: &Other| other.velocity.abs() > STATIONARY_SPEED && other.pose.position.distance(here) < CLEAR;
-        if self.obstructions.wait.is_some() || request.others.iter().any(moves) {
+        let front = start.s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
+        let barriers = request.rules.barriers(request.rules.way, front, 0.0);
+        let waits = self.obstructions.wait.is_some() || barriers.iter().any(|barrier| barrier.s < front + GAIN);
+        if waits || request.others.iter().any(moves) {
             return None;
         }
         let ego = self.look(0.0);
