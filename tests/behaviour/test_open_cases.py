@@ -319,3 +319,32 @@ def test_an_agent_changes_into_a_gap_at_the_speed_of_the_flow(planner, gap, ahea
     scenario = world(straight_road(600.0, lanes=3), cars=cars, problems=problems, steps=150)
     run = simulate(scenario, agents=[62], planner=planner, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
+
+
+def in_a_flow(gap, ahead):
+    """A row at 16 m/s in the lane that the agent has to reach within 330 m, and a car 35.5 m behind it in its own lane."""
+    row = [Car(10 + k, 72.0 + ahead + gap * (k - 4), 0.0, 16.0) for k in range(10)]
+    goal = {"goal": (400.0, 0.0), "goal_size": (10.0, 3.5), "time_step": (0, 400)}
+    agent = problem(62, 72.0, 3.5, 16.0, **goal)
+    scenario = world(straight_road(900.0, lanes=2), cars=[*row, Car(50, 32.0, 3.5, 16.0)], problems=[agent], steps=400)
+    return simulate(scenario, agents=[62], threads=1)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+@pytest.mark.parametrize("gap", [18.0, 21.0, 26.0])
+def test_in_a_row_that_does_not_react_it_opens_the_gap_ahead_only_as_far_as_the_gap_behind_allows(gap, beside):
+    # Gaps of 13.5, 16.5 and 21.5 m, for a car of 4.5 m.
+    run = in_a_flow(gap, 0.0 if beside else 0.5 * gap)
+    assert run.outcomes.outcome == ("goal_reached",)
+    row = np.searchsorted(run.states.participant_id, 62)
+    assert np.nanmin(run.states.velocity[row]) > 0.93 * 16.0, "m/s"
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_it_does_not_force_its_way_into_a_row_without_gaps_nor_is_hit_in_its_own_lane(beside):
+    run = in_a_flow(9.0, 0.0 if beside else 4.5)
+    assert run.outcomes.outcome == ("goal_missed",)
+    row = np.searchsorted(run.states.participant_id, 62)
+    velocity = run.states.velocity[row, run.states.valid[row]]
+    assert velocity.min() > 0.84 * 16.0, "of the flow"
+    assert velocity[-1] > 0.97 * 16.0, "while the car behind is near"

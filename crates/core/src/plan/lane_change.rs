@@ -34,7 +34,7 @@ const RETURN_DECELERATION: f64 = 6.0;
 const REACTION_TIME: f64 = 1.0;
 /// Kept to the vehicles ahead and behind: at least this [m], and a time gap [s] ...
 const GAP_MIN: f64 = 1.0;
-const TIME_GAP: f64 = 0.5;
+pub(super) const TIME_GAP: f64 = 0.5;
 /// ... which shrinks to nothing as the time until the change must be done falls from the second to the first [s].
 const HURRY: (f64, f64) = (4.0, 12.0);
 /// Less time than this makes a change no more urgent [s].
@@ -44,9 +44,11 @@ const GENTLE_STEP: f64 = 2.0;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
-/// An agent that seeks a gap is no slower than this share of the flow in its own lane, if a vehicle follows there; a flow
-/// that is slower than this keeps its speed [m/s].
+/// An agent that seeks a gap is no slower than this share of the flow in its own lane, if a vehicle follows there, and not
+/// slower at all as the time gap of that vehicle falls from the second to the first [s]; a flow that is slower than this
+/// keeps its speed [m/s].
 const FLOW_SHARE: f64 = 0.85;
+const FLOW_TIME_GAP: (f64, f64) = (1.0, 2.0);
 const FLOW_SPEED_MIN: f64 = 8.0;
 /// A vehicle follows if it is where the agent is now within this time [s], at its speed or at this one [m/s]: it may
 /// stand behind the agent.
@@ -241,14 +243,15 @@ impl LaneRoutes {
         leader.is_none_or(lead_is_safe) && follower.is_none_or(lag_is_safe)
     }
 
-    /// Speed of the vehicle behind the agent in its lane [m/s] that a stop would hold up, or does.
-    fn follower(&self, request: &PlanRequest, aim: Aim) -> Option<f64> {
+    /// Speed of the vehicle behind the agent in its lane [m/s] that a stop would hold up, or does, and the room between
+    /// them [m].
+    fn follower(&self, request: &PlanRequest, aim: Aim) -> Option<(f64, f64)> {
         let rear = -0.5 * request.vehicle.length;
         let behind = intervals(request, &self.lanes.lanes[aim.lane], &self.ego(request, aim))
             .filter(|other| other.is_traffic && other.middle() < 0.0)
             .max_by(|a, b| a.front.total_cmp(&b.front))?;
         let reach = FOLLOWING_TIME * behind.velocity.max(STARTING_SPEED);
-        (rear - behind.front < reach).then_some(behind.velocity.max(0.0))
+        (rear - behind.front < reach).then_some((behind.velocity.max(0.0), rear - behind.front))
     }
 
     fn ego(&self, request: &PlanRequest, aim: Aim) -> Ego<'_> {
@@ -264,7 +267,7 @@ impl LaneRoutes {
         request: &PlanRequest,
         comfort: &Comfort,
         (here, there): (Aim, Aim),
-        (follower, end): (Option<f64>, f64),
+        (follower, end): (Option<(f64, f64)>, f64),
     ) -> Option<f64> {
         let (along, time) = (self.on(request, here), SEEKING_TIME);
         let start = Start::on(&along.route.path, here.s, &request.state, request.vehicle, false).ok()?;
@@ -290,8 +293,12 @@ impl LaneRoutes {
         let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
-        let flow = follower.map_or(0.0, |velocity| velocity.min(wish));
-        let slowest = (FLOW_SHARE * flow).max(flow.min(FLOW_SPEED_MIN));
+        let flow = follower.map_or(0.0, |(velocity, _)| velocity.min(wish));
+        let near = follower.map_or(0.0, |(velocity, room)| {
+            let (least, most) = FLOW_TIME_GAP;
+            ((most - room / velocity.max(STARTING_SPEED)) / (most - least)).clamp(0.0, 1.0)
+        });
+        let slowest = ((FLOW_SHARE + near * (1.0 - FLOW_SHARE)) * flow).max(flow.min(FLOW_SPEED_MIN));
         let to_the_left = there.d < 0.0;
         let place = others.iter().filter(|other| !other.is_ahead(to_the_left)).count();
         let (mut least, mut best) = (f64::INFINITY, wish);

@@ -1,14 +1,17 @@
 //! Speeds along a path: Gipps' safe speed behind leaders and before barriers, below a profile of curves, limits and what the
 //! steering can follow.
 
-use super::super::PlanRequest;
 use super::super::arrival;
 use super::super::car_following::{PathMotion, safe_velocity};
 use super::super::comfort::Comfort;
 use super::super::conflicts::{Conflicts, Ego};
+use super::super::lane_change::TIME_GAP;
 use super::super::speed_profile::SpeedProfile;
+use super::super::{Other, PlanRequest};
 use super::settings::RolloutWeights;
 use super::start::Start;
+use crate::conduct::STATIONARY_SPEED;
+use crate::geometry::Point;
 
 /// A desired speed is reached with this time constant [s].
 const LAG: f64 = 0.7;
@@ -33,6 +36,10 @@ const PREVIEW: f64 = 0.65;
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
 const OPENING: f64 = 0.7;
+/// It is opened only where the vehicle behind is further away than the leader: one up to so far away [m] that heads within
+/// 45 degrees of the agent (cosine).
+const FOLLOWER_REACH: f64 = 50.0;
+const FOLLOWER_COSINE: f64 = 0.7;
 /// Closing in by more than this [m/s], it brakes harder by this for every m/s [1/s], up to what Gipps asks for.
 const CLOSING_IN: f64 = 5.0;
 const CLOSING_GAIN: f64 = 2.0;
@@ -106,6 +113,39 @@ pub(super) struct Task<'a> {
     pub(super) n_points: usize,
     /// Desired speed on a free and straight road [m/s].
     pub(super) wish: f64,
+    /// The vehicle that follows, if there is one.
+    follower: Option<Follower>,
+}
+
+/// A vehicle behind the agent that drives as it does.
+#[derive(Debug, Clone, Copy)]
+struct Follower {
+    /// Room up to the agent [m].
+    room: f64,
+    /// Speed [m/s].
+    velocity: f64,
+}
+
+impl Follower {
+    fn of(request: &PlanRequest, s: f64) -> Option<Self> {
+        let (pose, path) = (request.state.pose(), &request.route.path);
+        let axis = Point::from_angle(pose.orientation);
+        let behind = |other: &Other| {
+            let body = other.shape.oriented_box(other.pose);
+            let offset = body.center - pose.position;
+            let room = -axis.dot(offset) - body.half_length - 0.5 * request.vehicle.length;
+            let is_near = (0.0..FOLLOWER_REACH).contains(&room) && body.axis.dot(axis) > FOLLOWER_COSINE;
+            if !is_near || other.velocity < STATIONARY_SPEED {
+                return None;
+            }
+            // In its own lane, or in the lane that it changes to.
+            let beside = 0.5 * request.vehicle.width + body.half_width;
+            let way = offset.norm();
+            let foot = path.project_near(body.center, s - way, way).map_or(f64::INFINITY, |(_, d)| d.abs());
+            (axis.cross(offset).abs().min(foot) < beside).then_some(Self { room, velocity: other.velocity })
+        };
+        request.others.iter().filter_map(behind).min_by(|a, b| a.room.total_cmp(&b.room))
+    }
 }
 
 impl<'a> Task<'a> {
@@ -114,7 +154,17 @@ impl<'a> Task<'a> {
         let (velocity, _) =
             arrival::desired(request, at, comfort.deceleration, comfort.cruise_velocity_min, Some(SPEED_RESERVE));
         let wish = request.lane_change.velocity.unwrap_or(velocity).min(request.vehicle.velocity_max).max(0.0);
-        Self { request, comfort, start, n_points, wish }
+        Self { request, comfort, start, n_points, wish, follower: Follower::of(request, start.s) }
+    }
+
+    /// How far a gap [m] may be opened that is smaller than comfortable, from 0 to 1, at a point, an arc length [m] and a
+    /// speed [m/s]: not at all where the vehicle behind is nearer than the leader, unless the leader is too near for any
+    /// driver.
+    fn opening(&self, (point, s, own): (usize, f64, f64), room: f64) -> f64 {
+        let Some(Follower { room: behind, velocity }) = self.follower else { return 1.0 };
+        let behind = behind + s - self.start.s - velocity * point as f64 * self.request.dt;
+        let tight = 1.0 - room / (TIME_GAP * own).max(ROOM_MIN);
+        ((behind - room) / room.max(ROOM_MIN)).max(tight).clamp(0.0, 1.0)
     }
 
     /// The present acceleration from which comfortable motions go on [m/s²]: harder braking than is comfortable may end at
@@ -181,7 +231,9 @@ impl Speeds {
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
-            let follow = |room: f64, leader: f64| following((room, gap), (velocity, leader), comfort);
+            let follow = |room: f64, leader: f64| {
+                following((room, gap), (velocity, leader), comfort, task.opening((point, s, velocity), room))
+            };
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             free.min(allowed)
         });
@@ -227,15 +279,17 @@ fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
 /// Acceleration towards the safe speed behind a leader [m/s²] for the room up to it and the part of it that is kept [m]. An
 /// agent that is too near but hardly closes in opens the gap gently instead: so traffic that is denser than comfortable
 /// does not come to a stop (the constant-acceleration heuristic of Treiber, Kesting, "Traffic Flow Dynamics", 2013, 11.4).
-fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &Comfort) -> f64 {
+fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &Comfort, opening: f64) -> f64 {
     let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
     let closing = (velocity - leader).max(0.0);
     let kept = if leader > 0.0 { CLOSEST * gap } else { gap };
     let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
     // A leader that is so much slower may be braking hard: what suffices if it goes on like that comes too late.
     let hurry = if leader > 0.0 { (closing - CLOSING_IN).max(0.0) } else { 0.0 };
-    let opening = OPENING + CLOSING_GAIN * hurry;
+    let opening = opening * OPENING + CLOSING_GAIN * hurry;
     let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening);
+    // What follows so near wants the agent to keep its gap at least.
+    let wanted = if opening == 0.0 { wanted.max((leader - velocity) / LAG) } else { wanted };
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
     if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
