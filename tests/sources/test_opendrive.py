@@ -1,6 +1,7 @@
 """Small OpenDRIVE roads become the lanelets that follow from their formulas."""
 
 import math
+import time
 
 import numpy as np
 import opendrive_documents as xodr
@@ -85,6 +86,30 @@ def test_a_spiral_turns_by_its_mean_curvature(read):
     heading = 0.02 / 80.0 * s**2 / 2.0
     end = [np.trapezoid(np.cos(heading), s), np.trapezoid(np.sin(heading), s)]
     np.testing.assert_allclose(left[-1], end, atol=1e-3)
+
+
+def with_first_record(form, length):
+    records = xodr.geometry(form, length) + xodr.geometry("<line/>", 20.0, s=20.0, x=20.0, y=1.3, heading=0.2)
+    return xodr.road(1, records, BOTH, length=40.0)
+
+
+@pytest.mark.parametrize(
+    ("form", "of_whole"),
+    [
+        ('<spiral curvStart="0" curvEnd="{end}"/>', lambda length: {"end": 0.001 * length}),
+        ('<arc curvature="0.01"/>', lambda _: {}),
+        ('<poly3 a="0" b="0" c="0.002" d="0"/>', lambda _: {}),
+    ],
+)
+def test_a_record_that_is_far_longer_than_its_road_is_read_as_far_as_it_is_used(read, form, of_whole):
+    short, long = (with_first_record(form.format(**of_whole(length)), length) for length in (20.0, 2e7))
+    expected = lanelet(read(short), "1/0/-1")[0]
+    begun = time.process_time()
+    found = lanelet(read(long), "1/0/-1")[0]
+    assert time.process_time() - begun < 1.0  # a table of all of it took 8 s and 1.5 GB
+    np.testing.assert_allclose(found[[0, -1]], expected[[0, -1]], atol=1e-3)
+    if "poly3" not in form:  # whose table is as fine as its record is short
+        np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_cubic_curves_are_followed_by_arc_length(read):

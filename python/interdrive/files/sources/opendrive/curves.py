@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from interdrive.scenario.limits import LONGEST_LANELET
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -47,7 +49,8 @@ class Spiral:
 
     @cached_property
     def _knots(self) -> tuple[Floats, Floats, Floats]:
-        at = np.linspace(0.0, self.length, max(1, int(np.ceil(self.length / _KNOTS_APART))) + 1)
+        reach = min(self.length, LONGEST_LANELET)  # no road is longer, whatever the record says
+        at = np.linspace(0.0, reach, max(1, int(np.ceil(reach / _KNOTS_APART))) + 1)
         u, v = self._steps(at[:-1], np.diff(at))
         return at, np.concatenate(([0.0], np.cumsum(u))), np.concatenate(([0.0], np.cumsum(v)))
 
