@@ -57,8 +57,8 @@ def one(path: Path, first: Path | None) -> dict[str, float]:
     scenario = idr.read_source(path)
     read = time.process_time() - begun
     found = {"read": read, "memory": _peak() - peak, "lanelets": float(len(scenario.lanelets.ids)), "step": math.nan}
-    if not len(scenario.obstacles.ids):
-        busy = with_vehicles(scenario, 30, 1)
+    busy = with_vehicles(scenario, 30, 1)
+    if busy.planning_problems and not len(scenario.obstacles.ids):
         begun = time.process_time()
         idr.Simulation(busy, agents="problems", threads=1).step()
         found["step"] = read + time.process_time() - begun

@@ -40,6 +40,8 @@ def driven(path: Path, planner: str, agents: int, out: Path | None) -> Any:  # n
             run = idr.simulate(path, agents=number, planner=planner, predictor="lane_following", threads=1)
         except idr.InputError:
             continue
+        if number != "all" and len(run.agents) < number:
+            continue  # where there are fewer, a number may be the id of one
         if folder is not None:
             run.save(folder)
         return run

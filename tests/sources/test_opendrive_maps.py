@@ -3,9 +3,11 @@
 Three programs agree on most of the 760 places; they and their versions: see the folder of the maps.
 """
 
+import importlib.util
 import json
 import time
 from collections import Counter
+from pathlib import Path
 
 import foreign_files as ff
 import numpy as np
@@ -20,6 +22,7 @@ from interdrive.files.sources.opendrive.reader import DRIVEN
 from interdrive.files.sources.opendrive.records import roads_of
 from interdrive.scenario.map_defects import map_defects
 
+ROOT = Path(__file__).resolve().parents[2]
 #: Lanelets where they are not the driving lanes: closed lanes are two, those without width or length none.
 LANELETS = {"velodrome": 6, "poly3_and_border": 12, "suspect_geometries": 2, "zero_width": 3, "zero_width_lht": 3}
 #: Links where they are not all that are stated: borders are up to 3.5 m apart; a ring of two halves has two.
@@ -142,3 +145,20 @@ def test_a_town_is_read_within_a_second(inputs_folder):
     begun = time.process_time()
     idr.read_source(path)
     assert time.process_time() - begun < 1.0
+
+
+@pytest.mark.long
+def test_vehicles_on_real_towns_reach_their_goals_and_none_collides(inputs_folder):
+    spec = importlib.util.spec_from_file_location("inputs", ROOT / "benchmarks" / "inputs.py")
+    benchmark = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(benchmark)
+    outcomes = [
+        outcome
+        for name in ("Town01", "Town03", "Town04", "Town10HD")
+        for outcome in idr.simulate(
+            benchmark.with_vehicles(idr.read_source(file_of(inputs_folder, name)), 30, 1), agents="problems"
+        ).outcomes.outcome
+    ]
+    assert len(outcomes) == 120
+    assert outcomes.count("collision") == 0
+    assert outcomes.count("goal_reached") >= 115
