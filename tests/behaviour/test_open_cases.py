@@ -322,7 +322,7 @@ def test_an_agent_changes_into_a_gap_at_the_speed_of_the_flow(planner, gap, ahea
 
 
 def in_a_flow(gap, ahead):
-    """A row at 16 m/s in the lane that the agent has to reach within 330 m, and a car 35.5 m behind it in its own lane."""
+    """A row at 16 m/s in the lane that the agent must reach within 330 m, and a car 35.5 m behind it in its own."""
     row = [Car(10 + k, 72.0 + ahead + gap * (k - 4), 0.0, 16.0) for k in range(10)]
     goal = {"goal": (400.0, 0.0), "goal_size": (10.0, 3.5), "time_step": (0, 400)}
     agent = problem(62, 72.0, 3.5, 16.0, **goal)

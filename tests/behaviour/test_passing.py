@@ -213,7 +213,7 @@ def test_an_agent_does_not_wait_for_ever_for_one_that_cannot_pass():
 
 
 def motorway(cars, distance):
-    """Two lanes of one direction; an agent at 23 m/s, and a car that stands so far ahead in the middle of its lane [m]."""
+    """Two lanes of one direction; an agent at 23 m/s, and a car that stands so far ahead in its lane [m]."""
     broken_down = Car(51, 50.0 + distance, 0.0)
     agent = problem(1, 50.0, 0.0, 23.0, goal=(350.0, 1.75), goal_size=(20.0, 7.0), time_step=(0, 300))
     scenario = world(straight_road(500.0, lanes=2), cars=[broken_down, *cars], problems=[agent], steps=300)
@@ -241,5 +241,5 @@ def test_a_car_that_stands_before_a_light_is_not_passed_on_the_free_lane():
     stop = StopLine(1, np.array([[line, 1.75], [line, -1.75]]), ((1, (7,)),))
     agent = problem(1, 50.0, 0.0, 12.0, goal=(350.0, 1.75), goal_size=(20.0, 7.0), time_step=(0, 500))
     scenario = world(straight_road(500.0, lanes=2), cars=[Car(51, 105.0)], problems=[agent], steps=300)
-    run, x, y = driven(replace(scenario, traffic_lights=(light,), stop_lines=(stop,)))
+    _, x, y = driven(replace(scenario, traffic_lights=(light,), stop_lines=(stop,)))
     assert x[:250].max() < 105.0 - 4.5 and np.abs(y[:250]).max() < 0.3, "m"
