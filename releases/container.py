@@ -61,7 +61,7 @@ def in_root(root: Path, steps: list[tuple[str, str]]) -> None:
     folder, command = "/", ["sh"]
 
     def run(*words: str) -> None:
-        entered = ["chroot", str(root), "/usr/bin/env", "--chdir", folder, *words]
+        entered = [shutil.which("chroot") or "chroot", str(root), "/usr/bin/env", "--chdir", folder, *words]
         subprocess.run(entered, env=variables, check=True)
 
     for word, rest in steps:

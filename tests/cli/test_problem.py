@@ -75,10 +75,11 @@ def test_lanes_have_the_names_of_their_source(tmp_path):
     [
         (["--from", "77", "--to", "ID"], "77: no lane has that id or name"),
         (["--from", "ID,900", "--to", "ID"], "900 m is not on the lane"),
-        (["--from", "ID,x", "--to", "ID"], "write a number of at least 0"),
+        (["--from", "ID,x", "--to", "ID"], "write a number from 0 to"),
         (["--from", "ID", "--from", "ID", "--to", "ID"], "2 --from and 1 --to"),
-        (["--from", "ID", "--to", "ID", "--velocity", "-1"], "--velocity -1: write a number of at least 0"),
+        (["--from", "ID", "--to", "ID", "--velocity", "-1"], "--velocity -1: write a number from 0 to 100"),
         (["--from", "ID", "--to", "ID", "--velocity", "fast"], "--velocity fast"),
+        (["--from", "ID", "--to", "ID", "--velocity", "1e9"], "--velocity 1e9: write a number from 0 to 100"),
         (["--from", "ID", "--to", "ID", "--time", "inf"], "--time inf"),
         (["--from", "ID", "--to", "ID", "--out", "made.txt"], "name a file that ends in .xml"),
         (["--from", "ID", "--to", "ID", "--out", "MAP"], "exists already"),

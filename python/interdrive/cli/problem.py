@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from interdrive.cli.arguments import assigned, shown, source_option
 from interdrive.cli.terminal import say
 from interdrive.errors import InputError
+
+if TYPE_CHECKING:
+    from interdrive.scenario import Scenario
+
+#: Largest speed [m/s], and largest time [s] and way [m].
+_FASTEST, _LONGEST = 100.0, 1e5
 
 
 @click.command()
@@ -62,7 +69,7 @@ def problem(
         raise InputError(f"--out {out}: is a folder; name a file in it")
     if target.exists() and not overwrite:
         raise InputError(f"--out {out}: exists already; name another file, or add --overwrite")
-    speed, limit = _number("--velocity", velocity, 0.0), _number("--time", seconds, 0.1)
+    speed, limit = _number("--velocity", velocity, 0.0, _FASTEST), _number("--time", seconds, 0.1, _LONGEST)
     settings = settings_of(assigned((), raw=True, source=source))
     path = scenario_file(map_file)
     keep_inputs(target, (path,))
@@ -76,7 +83,7 @@ def problem(
         scenario,
         trips,
         road_settings=settings.road,
-        first_id=_free_id(path, scenario.lanelets.ids.tolist(), scenario.obstacles.ids.tolist()),
+        first_id=_free_id(path, scenario),
         velocity=speed,
         seconds=limit,
     )
@@ -95,15 +102,15 @@ def problem(
     say(f"{shown(target)}: interdrive run {shown(target)} --agents problems")
 
 
-def _number(option: str, text: str | None, least: float) -> float | None:
+def _number(option: str, text: str | None, least: float, most: float) -> float | None:
     if text is None:
         return None
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not (math.isfinite(value) and value >= least):
-        raise InputError(f"{option} {text}: write a number of at least {least:g}")
+    if not least <= value <= most:
+        raise InputError(f"{option} {text}: write a number from {least:g} to {most:g}")
     return value
 
 
@@ -112,11 +119,13 @@ def _place(text: str, names: set[str]) -> tuple[str, float | None]:
     lane, comma, s = text.rpartition(",")
     if not comma or text in names or text.removeprefix("name=") in names:
         return text, None
-    value = _number(f"--from {lane}, S", s, 0.0)
+    value = _number(f"--from {lane}, S", s, 0.0, _LONGEST)
     return lane, value
 
 
-def _free_id(path: Path, *used: list[int]) -> int:
-    """An id that nothing in the file has."""
+def _free_id(path: Path, scenario: Scenario) -> int:
+    """An id that nothing in the file has, also what interdrive does not read."""
     stated = [int(number) for number in re.findall(rb'\bid="(\d{1,15})"', path.read_bytes())] if path.is_file() else []
-    return max([0, *stated, *(number for numbers in used for number in numbers)]) + 1
+    parts = (*scenario.planning_problems, *scenario.traffic_lights, *scenario.incomings)
+    known = [*scenario.lanelets.ids.tolist(), *scenario.obstacles.ids.tolist(), *(part.id for part in parts)]
+    return max([0, *stated, *known]) + 1
