@@ -126,6 +126,8 @@ def _place(text: str, names: set[str]) -> tuple[str, float | None]:
 def _free_id(path: Path, scenario: Scenario) -> int:
     """An id that nothing in the file has, also what interdrive does not read."""
     stated = [int(number) for number in re.findall(rb'\bid="(\d{1,15})"', path.read_bytes())] if path.is_file() else []
-    parts = (*scenario.planning_problems, *scenario.traffic_lights, *scenario.incomings)
-    known = [*scenario.lanelets.ids.tolist(), *scenario.obstacles.ids.tolist(), *(part.id for part in parts)]
-    return max([0, *stated, *known]) + 1
+    known = [*scenario.lanelets.ids.tolist(), *scenario.obstacles.ids.tolist()]
+    known += [problem.id for problem in scenario.planning_problems]
+    known += [light.id for light in scenario.traffic_lights]
+    known += [incoming.id for incoming in scenario.incomings]
+    return int(max([0, *stated, *known])) + 1
