@@ -13,7 +13,7 @@ import pytest
 import interdrive as idr
 from interdrive.scenario import Lanelets, StopLine, TrafficLight
 from interdrive.scenario.control import Priorities
-from interdrive.testing import CAR, straight_road
+from interdrive.testing import CAR
 from interdrive.testing.worlds import Car, problem, world
 
 PARKED = 100.0
@@ -210,36 +210,3 @@ def test_an_agent_does_not_wait_for_ever_for_one_that_cannot_pass():
     scenario = blocked(cars=[Car(51, PARKED + 6.0, 4.1, 0.0, np.pi)], problems=[other])
     run = idr.simulate(scenario, agents=[1, 2], rules={2: {"passing": False}}, threads=1)
     assert run.outcomes.outcome[0] == "goal_reached"
-
-
-def motorway(cars, distance):
-    """Two lanes of one direction; an agent at 23 m/s, and a car that stands so far ahead in its lane [m]."""
-    broken_down = Car(51, 50.0 + distance, 0.0)
-    agent = problem(1, 50.0, 0.0, 23.0, goal=(350.0, 1.75), goal_size=(20.0, 7.0), time_step=(0, 300))
-    scenario = world(straight_road(500.0, lanes=2), cars=[broken_down, *cars], problems=[agent], steps=300)
-    run = idr.simulate(scenario, agents=[1], threads=1)
-    row = np.searchsorted(run.states.participant_id, 1)
-    return run, run.states.velocity[row, run.states.valid[row]]
-
-
-@pytest.mark.parametrize("distance", [45.0, 60.0])
-def test_a_car_that_stands_alone_is_passed_on_a_free_lane_of_the_same_direction(distance):
-    run, velocity = motorway([], distance)
-    assert run.outcomes.outcome == ("goal_reached",)
-    assert velocity.min() > 22.0, "m/s"
-
-
-def test_where_that_lane_is_full_the_agent_stops_behind_it_and_stays_there():
-    run, velocity = motorway([Car(60 + k, 10.0 * k, 3.5) for k in range(30)], 60.0)
-    assert run.outcomes.outcome == ("goal_reached_late",), "after the recording"
-    assert np.abs(velocity[80:290]).max() < 0.1, "m/s"
-
-
-def test_a_car_that_stands_before_a_light_is_not_passed_on_the_free_lane():
-    line = 112.0
-    light = TrafficLight(7, (("red", 250), ("green", 2000)))
-    stop = StopLine(1, np.array([[line, 1.75], [line, -1.75]]), ((1, (7,)),))
-    agent = problem(1, 50.0, 0.0, 12.0, goal=(350.0, 1.75), goal_size=(20.0, 7.0), time_step=(0, 500))
-    scenario = world(straight_road(500.0, lanes=2), cars=[Car(51, 105.0)], problems=[agent], steps=300)
-    _, x, y = driven(replace(scenario, traffic_lights=(light,), stop_lines=(stop,)))
-    assert x[:250].max() < 105.0 - 4.5 and np.abs(y[:250]).max() < 0.3, "m"

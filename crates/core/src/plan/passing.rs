@@ -51,8 +51,6 @@ pub(super) struct Place {
 pub(super) struct Obstructions {
     /// Offsets at which it can be passed now [m].
     pub(super) beside: Vec<f64>,
-    /// One of them is a vehicle in the middle of the lane, which may drive on.
-    pub(super) may_drive_on: bool,
     /// Where the agent waits until it may pass over the lane of the other direction.
     pub(super) wait: Option<Barrier>,
 }
@@ -68,10 +66,7 @@ impl Obstructions {
             let Some((standing, velocity)) = Standing::of(other, request, place, 0.0) else { continue };
             let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
             match passage {
-                Some(Passage::Here(offset)) if standing.rear < near => {
-                    found.beside.push(offset);
-                    found.may_drive_on |= standing.may_queue(other);
-                }
+                Some(Passage::Here(offset)) if standing.rear < near => found.beside.push(offset),
                 Some(Passage::Here(_)) => {}
                 Some(Passage::Opposite(offset)) => blocks.push((standing.rear, standing.front, offset)),
                 None => leaders.push(Leader { rear: standing.rear, velocity }),
@@ -163,10 +158,10 @@ impl Standing {
 
     /// Where the agent can pass it; not if it waits in a queue.
     pub(super) fn passage(&self, other: &Other, request: &PlanRequest, d_max: f64) -> Option<Passage> {
-        if self.may_queue(other) && !self.stands_alone(request) {
+        let is_parked = is_parked(other);
+        if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;
         }
-        let is_parked = is_parked(other);
         let found = self.sides(request, d_max, |place, road| road.is_own(place));
         if let Some(offset) = found {
             return Some(Passage::Here(offset));
@@ -180,18 +175,8 @@ impl Standing {
         found.filter(|offset| is_parked || offset * self.d < 0.0).map(Passage::Opposite)
     }
 
-    /// A vehicle in the middle of the lane that is not parked.
-    fn may_queue(&self, other: &Other) -> bool {
-        !is_parked(other) && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET
-    }
-
     /// A vehicle at the side that waits neither before a line or a crosswalk nor behind others.
     fn stands_aside(&self, request: &PlanRequest) -> bool {
-        self.d.abs() >= QUEUE_OFFSET && self.cos.abs() > LEADER_HEADING_COSINE && self.stands_alone(request)
-    }
-
-    /// It waits neither before a line or a crosswalk nor behind others.
-    fn stands_alone(&self, request: &PlanRequest) -> bool {
         let before = |s: f64| (self.rear..self.front + WAITING_REACH).contains(&s);
         let follows = |other: &Other| {
             let found = request.route.path.project_near(other.pose.position, self.front, WAITING_REACH);
@@ -199,7 +184,10 @@ impl Standing {
         };
         let way = request.rules.way;
         let mut places = way.lines().map(|(s, _)| s).chain(way.crosswalks().iter().map(|crosswalk| crosswalk.entry));
-        !places.any(before) && !request.others.iter().any(follows)
+        self.d.abs() >= QUEUE_OFFSET
+            && self.cos.abs() > LEADER_HEADING_COSINE
+            && !places.any(before)
+            && !request.others.iter().any(follows)
     }
 
     /// The nearest offset beside it whose ground is admitted.

@@ -63,7 +63,7 @@ impl Search<'_> {
         }
         let ego = self.look(0.0);
         let allowed = self.speeds(Pace::Social, &ego)?.s - start.s;
-        if allowed < GAIN && (self.obstructions.beside.is_empty() || self.obstructions.may_drive_on) {
+        if allowed < GAIN && self.obstructions.beside.is_empty() {
             return None;
         }
         let mut back = Rollout::default();
