@@ -5,6 +5,7 @@ asks to take the mark away. Tests without a mark are the same worlds where the v
 """
 
 import math
+from dataclasses import replace
 
 import commonroad_documents as cr
 import numpy as np
@@ -348,3 +349,19 @@ def test_it_does_not_force_its_way_into_a_row_without_gaps_nor_is_hit_in_its_own
     velocity = run.states.velocity[row, run.states.valid[row]]
     assert velocity.min() > 0.84 * 16.0, "of the flow"
     assert velocity[-1] > 0.97 * 16.0, "while the car behind is near"
+
+
+def test_a_dense_row_of_agents_stops_as_gently_as_an_agent_alone():
+    # Six agents 3 m apart at 5 m/s, behind a car that brakes from 3 s on with 2 m/s2.
+    agents = [problem(1 + k, 100.0 - 7.5 * k, 0.0, 5.0, goal=(900.0, 0.0), time_step=(0, 150)) for k in range(6)]
+    scenario = world(straight_road(1000.0), cars=[Car(50, 107.5, 0.0, 5.0)], problems=agents, steps=150)
+    obstacles = scenario.obstacles
+    velocity, x = obstacles.velocity.copy(), obstacles.x.copy()
+    velocity[0] = np.clip(5.0 - 2.0 * (0.1 * np.arange(velocity.shape[1]) - 3.0), 0.0, 5.0)
+    x[0] = 107.5 + np.concatenate([[0.0], np.cumsum(0.05 * (velocity[0, 1:] + velocity[0, :-1]))])
+    scenario = replace(scenario, obstacles=replace(obstacles, velocity=velocity, x=x))
+    run = simulate(scenario, agents=list(range(1, 7)), threads=1)
+    rows = np.searchsorted(run.states.participant_id, np.arange(1, 7))
+    slowing = -np.diff(run.states.velocity[rows], axis=1) / 0.1
+    assert np.nanmax(slowing) < 3.5, "m/s2"
+    assert np.nanmin(-np.diff(run.states.x[rows], axis=0)) > 4.5 + 1.5, "m between middles"

@@ -34,7 +34,7 @@ const RETURN_DECELERATION: f64 = 6.0;
 const REACTION_TIME: f64 = 1.0;
 /// Kept to the vehicles ahead and behind: at least this [m], and a time gap [s] ...
 const GAP_MIN: f64 = 1.0;
-pub(super) const TIME_GAP: f64 = 0.5;
+const TIME_GAP: f64 = 0.5;
 /// ... which shrinks to nothing as the time until the change must be done falls from the second to the first [s].
 const HURRY: (f64, f64) = (4.0, 12.0);
 /// Less time than this makes a change no more urgent [s].
@@ -294,7 +294,8 @@ impl LaneRoutes {
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
         let furthest = leaders.fold(lane_end, f64::min);
         let flow = follower.map_or(0.0, |(velocity, _)| velocity.min(wish));
-        let near = follower.map_or(0.0, |(velocity, room)| {
+        // Shortly before the end of its lane a gap counts more than the vehicle behind.
+        let near = follower.filter(|_| lane_end > HURRY.1 * velocity).map_or(0.0, |(velocity, room)| {
             let (least, most) = FLOW_TIME_GAP;
             ((most - room / velocity.max(STARTING_SPEED)) / (most - least)).clamp(0.0, 1.0)
         });

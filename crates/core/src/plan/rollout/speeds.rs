@@ -5,7 +5,6 @@ use super::super::arrival;
 use super::super::car_following::{PathMotion, safe_velocity};
 use super::super::comfort::Comfort;
 use super::super::conflicts::{Conflicts, Ego};
-use super::super::lane_change::TIME_GAP;
 use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutWeights;
@@ -36,10 +35,13 @@ const PREVIEW: f64 = 0.65;
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
 const OPENING: f64 = 0.7;
-/// It is opened only where the vehicle behind is further away than the leader: one up to so far away [m] that heads within
-/// 45 degrees of the agent (cosine).
+/// A vehicle follows if it is within this distance [m], heads within 45 degrees of the agent (cosine) and drives at this
+/// share of its speed at least.
 const FOLLOWER_REACH: f64 = 50.0;
 const FOLLOWER_COSINE: f64 = 0.7;
+const FOLLOWER_SHARE: f64 = 0.7;
+/// As its time gap falls from the second to the first [s], the agent opens the gap ahead no further.
+const FOLLOWER_TIME_GAP: (f64, f64) = (0.25, 0.5);
 /// Closing in by more than this [m/s], it brakes harder by this for every m/s [1/s], up to what Gipps asks for.
 const CLOSING_IN: f64 = 5.0;
 const CLOSING_GAIN: f64 = 2.0;
@@ -135,14 +137,16 @@ impl Follower {
             let offset = body.center - pose.position;
             let room = -axis.dot(offset) - body.half_length - 0.5 * request.vehicle.length;
             let is_near = (0.0..FOLLOWER_REACH).contains(&room) && body.axis.dot(axis) > FOLLOWER_COSINE;
-            if !is_near || other.velocity < STATIONARY_SPEED {
+            let slowest = (FOLLOWER_SHARE * request.state.velocity).max(STATIONARY_SPEED);
+            if !is_near || other.velocity < slowest {
                 return None;
             }
             // In its own lane, or in the lane that it changes to.
             let beside = 0.5 * request.vehicle.width + body.half_width;
             let way = offset.norm();
-            let foot = path.project_near(body.center, s - way, way).map_or(f64::INFINITY, |(_, d)| d.abs());
-            (axis.cross(offset).abs().min(foot) < beside).then_some(Self { room, velocity: other.velocity })
+            let is_on_path = || path.project_near(body.center, s - way, way).is_some_and(|(_, d)| d.abs() < beside);
+            let follows = axis.cross(offset).abs() < beside || is_on_path();
+            follows.then_some(Self { room, velocity: other.velocity })
         };
         request.others.iter().filter_map(behind).min_by(|a, b| a.room.total_cmp(&b.room))
     }
@@ -157,14 +161,14 @@ impl<'a> Task<'a> {
         Self { request, comfort, start, n_points, wish, follower: Follower::of(request, start.s) }
     }
 
-    /// How far a gap [m] may be opened that is smaller than comfortable, from 0 to 1, at a point, an arc length [m] and a
-    /// speed [m/s]: not at all where the vehicle behind is nearer than the leader, unless the leader is too near for any
-    /// driver.
-    fn opening(&self, (point, s, own): (usize, f64, f64), room: f64) -> f64 {
+    /// How far a gap [m] may be opened that is smaller than comfortable, from 0 to 1, at a point and an arc length [m]: not
+    /// at all for a vehicle behind that is nearer than the leader and would hit the agent if it did not react.
+    fn opening(&self, (point, s): (usize, f64), room: f64) -> f64 {
         let Some(Follower { room: behind, velocity }) = self.follower else { return 1.0 };
         let behind = behind + s - self.start.s - velocity * point as f64 * self.request.dt;
-        let tight = 1.0 - room / (TIME_GAP * own).max(ROOM_MIN);
-        ((behind - room) / room.max(ROOM_MIN)).max(tight).clamp(0.0, 1.0)
+        let (least, most) = FOLLOWER_TIME_GAP;
+        let time_gap = (behind / velocity - least) / (most - least);
+        ((behind - room) / room.max(ROOM_MIN)).max(time_gap).clamp(0.0, 1.0)
     }
 
     /// The present acceleration from which comfortable motions go on [m/s²]: harder braking than is comfortable may end at
@@ -232,7 +236,7 @@ impl Speeds {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
             let follow = |room: f64, leader: f64| {
-                following((room, gap), (velocity, leader), comfort, task.opening((point, s, velocity), room))
+                following((room, gap), (velocity, leader), comfort, task.opening((point, s), room))
             };
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             free.min(allowed)
@@ -286,10 +290,10 @@ fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &
     let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
     // A leader that is so much slower may be braking hard: what suffices if it goes on like that comes too late.
     let hurry = if leader > 0.0 { (closing - CLOSING_IN).max(0.0) } else { 0.0 };
-    let opening = opening * OPENING + CLOSING_GAIN * hurry;
-    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening);
-    // What follows so near wants the agent to keep its gap at least.
-    let wanted = if opening == 0.0 { wanted.max((leader - velocity) / LAG) } else { wanted };
+    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening * OPENING - CLOSING_GAIN * hurry);
+    // Where the gap may not be opened, it is at least kept.
+    let keeping = ((leader - velocity) / LAG - wanted).max(0.0);
+    let wanted = if leader > velocity { wanted + (1.0 - opening) * keeping } else { wanted };
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
     if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
 }
