@@ -90,3 +90,17 @@ def test_a_folder_that_is_no_run_is_one_line(tmp_path):
     assert "it has no run.json" in call("rerun", tmp_path).stderr
     (tmp_path / "batch.json").write_text("{}", encoding="utf-8")
     assert "it is a batch" in call("rerun", tmp_path).stderr
+
+
+def test_a_shipped_scenario_that_has_moved_with_interdrive_is_found(old, tmp_path):
+    def moved(info):
+        info["scenario"]["path"] = "/gone/site-packages/interdrive/scenarios/t_junction.xml"
+
+    folder = changed(old, tmp_path / "moved", moved)
+    done = call("rerun", folder, "--out", tmp_path / "new")
+    assert done.stdout.splitlines()[-1] == "all states are equal to the last bit"
+    given = call("rerun", folder, "--scenario", "t_junction", "--out", tmp_path / "given")
+    assert given.stdout.splitlines()[-1] == "all states are equal to the last bit"
+    lost = call("rerun", folder, "--scenario", "nowhere", "--out", tmp_path / "lost")
+    assert lost.exit_code == 2
+    assert "nowhere: there is no such file, and no scenario of this name is shipped" in lost.stderr

@@ -108,3 +108,10 @@ def test_what_cannot_be_exported_is_one_line_that_names_what_was_found(tmp_path,
         envs.export_stable_baselines(made, tmp_path / "policy.safetensors")
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_layer_that_would_be_lost_is_named(tmp_path):
+    tensors = ppo() | named("features_extractor.linear.0", layer(N_OBSERVED, N_OBSERVED, 5))
+    with pytest.raises(InputError, match=r"features_extractor\.linear\.0\.weight"):
+        envs.export_stable_baselines(model(tensors), tmp_path / "policy.safetensors")
+    assert not list(tmp_path.iterdir())

@@ -17,7 +17,11 @@ from interdrive.errors import InputError
 
 @click.command()
 @click.argument("folder", metavar="OLDFOLDER")
-@click.option("--scenario", metavar="FILE", help="Current path of the scenario file, if it was moved.")
+@click.option(
+    "--scenario",
+    metavar="FILE",
+    help="Current path of the scenario file, if it was moved, or the name of one that is shipped.",
+)
 @click.option("--planner", metavar="PLANNER[,NAME=VALUE...]", help="Another planner for all agents.")
 @click.option("--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting that is to differ.")
 @click.option("--threads", metavar="N", type=click.IntRange(min=1), help="Number of planning threads (all cores).")
@@ -131,14 +135,21 @@ def _settings(folder: str, info: dict[str, Any]) -> dict[str, Any]:
 
 
 def _scenario(folder: str, info: dict[str, Any], given: str | None) -> Path:
+    from interdrive.files import shipped_scenario, shipped_scenarios  # noqa: PLC0415 - numpy
+
     stored = info.get("scenario")
     path = given or (stored.get("path") if isinstance(stored, dict) else None)
     if not isinstance(path, str):
         raise InputError(f"{folder}: the scenario came from memory, not from a file; give one with --scenario")
-    if not Path(path).is_file():
-        hint = "" if given else "; give its present path with --scenario"
-        raise InputError(f"{path}: the scenario of the run is gone{hint}")
-    return Path(path)
+    if Path(path).is_file():
+        return Path(path)
+    # A scenario that interdrive ships has moved with it.
+    name = given or Path(path).stem
+    if name in shipped_scenarios():
+        return shipped_scenario(name)
+    if given:
+        raise InputError(f"{path}: there is no such file, and no scenario of this name is shipped")
+    raise InputError(f"{path}: the scenario of the run is gone; give its present path with --scenario")
 
 
 def _changes(info: dict[str, Any], sha256: str | None) -> list[str]:

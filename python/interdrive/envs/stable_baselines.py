@@ -25,6 +25,8 @@ _FORMS = (
     (re.compile(r"mlp_extractor\.policy_net\.(\d+)\.(weight|bias)"), re.compile(r"action_net\.(weight|bias)")),
     (re.compile(r"q_net\.q_net\.(\d+)\.(weight|bias)"), None),
 )
+#: What a policy has beside the layers that drive: values, spreads and copies for training.
+_UNUSED = re.compile(r"log_std|(mlp_extractor\.)?value_net\..*|q_net_target\..*")
 #: So many names of layers are listed in an error.
 _LISTED = 12
 
@@ -71,6 +73,8 @@ def _layers(tensors: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.
                 numbered.setdefault(int(found[1]), {})[found[2]] = tensor
             elif last is not None and (found := last.fullmatch(name)):
                 action[found[1]] = tensor
+        if len(action) + sum(map(len, numbered.values())) < sum(not _UNUSED.fullmatch(name) for name in tensors):
+            continue  # others drive, too: a features extractor, for instance
         stack = [numbered[number] for number in sorted(numbered)]
         if last is None and stack:
             action = stack.pop()
@@ -81,7 +85,7 @@ def _layers(tensors: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.
     raise InputError(
         "model",
         f"its layers are {names or 'none'}; an export needs mlp_extractor.policy_net.* and action_net (PPO, A2C) or "
-        "q_net.q_net.* (DQN), with hidden layers, as MlpPolicy has them",
+        "q_net.q_net.* (DQN), with hidden layers, as MlpPolicy has them, and no others that drive",
     )
 
 
