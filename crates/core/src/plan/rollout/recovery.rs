@@ -42,8 +42,8 @@ impl Search<'_> {
         self.is_free(&rollout, true).then_some(rollout)
     }
 
-    /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits for no other
-    /// participant and at no line.
+    /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits neither for
+    /// another participant nor at a line.
     pub(super) fn reverse(&mut self, best_way: f64) -> Option<Rollout> {
         let request = self.task.request;
         let start = self.task.start;

@@ -7,6 +7,7 @@ use super::super::comfort::Comfort;
 use super::super::conflicts::{Conflicts, Ego};
 use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
+use super::contacts::FOLLOWER_COSINE;
 use super::settings::RolloutWeights;
 use super::start::Start;
 use crate::conduct::STATIONARY_SPEED;
@@ -35,12 +36,12 @@ const PREVIEW: f64 = 0.65;
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
 const OPENING: f64 = 0.7;
-/// A vehicle follows if it is within this distance [m], heads within 45 degrees of the agent (cosine) and drives at this
-/// share of its speed at least.
+/// A vehicle follows if it is within this distance [m], heads along and drives at this share of the agent's speed at least:
+/// slower ones, such as bicycles, stay behind.
 const FOLLOWER_REACH: f64 = 50.0;
-const FOLLOWER_COSINE: f64 = 0.7;
 const FOLLOWER_SHARE: f64 = 0.7;
-/// As its time gap falls from the second to the first [s], the agent opens the gap ahead no further.
+/// As its time gap falls from the second to the first [s], the agent opens the gap ahead no further: where vehicles further
+/// behind counted, dense rows of agents that stopped braked as in emergencies.
 const FOLLOWER_TIME_GAP: (f64, f64) = (0.25, 0.5);
 /// Closing in by more than this [m/s], it brakes harder by this for every m/s [1/s], up to what Gipps asks for.
 const CLOSING_IN: f64 = 5.0;
