@@ -38,6 +38,9 @@ pub(crate) const EARLY_ACCELERATION: f64 = 2.0;
 /// Acceleration of a late exit out of a conflict zone [m/s²].
 pub(crate) const LATE_ACCELERATION: f64 = 1.5;
 
+/// A vehicle behind follows if it heads within 45 degrees of the agent (cosine): further apart their ways part or cross.
+pub(crate) const FOLLOWER_COSINE: f64 = 0.7;
+
 /// A vehicle that stands needs so long to start [s], below this speed [m/s].
 const REACTION: f64 = 0.3;
 const REACTING: f64 = 0.5;

@@ -5,13 +5,12 @@ use super::super::{Other, PlanRequest};
 use super::settings::RolloutSettings;
 use super::start::Start;
 use super::steering::RolloutPoint;
+use crate::conduct::FOLLOWER_COSINE;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 
 /// A follower keeps its distance while the agent stays within this of its offset [m].
 const OWN_LANE: f64 = 1.0;
-/// A participant behind is a follower if it heads within 45 degrees of the agent (cosine).
-pub(super) const FOLLOWER_COSINE: f64 = 0.7;
 /// A participant within these speeds [m/s] yields if this deceleration is enough [m/s²]: at walking pace two vehicles would
 /// wait for each other otherwise. A faster vehicle may be a replay, or not look.
 const YIELDING_SPEEDS: (f64, f64) = (0.2, 2.5);

@@ -7,10 +7,9 @@ use super::super::comfort::Comfort;
 use super::super::conflicts::{Conflicts, Ego};
 use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
-use super::contacts::FOLLOWER_COSINE;
 use super::settings::RolloutWeights;
 use super::start::Start;
-use crate::conduct::STATIONARY_SPEED;
+use crate::conduct::{FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 
 /// A desired speed is reached with this time constant [s].
