@@ -48,6 +48,7 @@ _HOME = {
     "Idm": "planners",
     "IdmMobil": "planners",
     "Lawful": "planners",
+    "Pdm": "planners",
     "Planner": "planners",
     "PlannerSettings": "planners",
     "R157": "planners",

@@ -42,6 +42,7 @@ from interdrive.planners import (
     Idm as Idm,
     IdmMobil as IdmMobil,
     Lawful as Lawful,
+    Pdm as Pdm,
     Planner as Planner,
     PlannerSettings as PlannerSettings,
     Recorded as Recorded,

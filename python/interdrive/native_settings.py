@@ -362,6 +362,72 @@ class IdmMobil(Idm):
 
 
 @dataclass(frozen=True)
+class PdmWeights:
+    """Weights of the quality of a proposal.
+
+    Attributes:
+        progress: Way along the middle of the lane, as a share of that of the admissible proposal that gets
+            furthest. Not negative.
+        ttc: 1 if no contact is near (time to collision). Not negative.
+        comfort: 1 if it is comfortable. Not negative.
+    """
+
+    progress: float = 5.0
+    ttc: float = 5.0
+    comfort: float = 2.0
+
+
+@dataclass(frozen=True)
+class Pdm(CarFollowing):
+    """Drives the best of 15 proposals, after PDM-Closed.
+
+    Dauner, Hallgarten, Geiger, Chitta, "Parting with Misconceptions about Learning-based Vehicle Motion Planning", CoRL
+    2023, arXiv 2306.07962; defaults are those of its configuration, but for the last two settings. Car following on
+    three paths at five shares of the speed limit, each followed by a tracker and scored as the closed-loop benchmark of
+    nuPlan scores drives. See docs/reference/planner_pdm.md.
+
+    Attributes:
+        horizon: Length of a proposal. Between 0.5 and 60.
+        step: Largest time between two points of a proposal. Between 0.01 and 1.
+        speeds: Speeds of each path: equal shares of the speed limit, up to the whole. Between 1 and 100.
+        offset: Offset of the paths beside the middle of the lane, one to each side; 0: there is one path. Between 0
+            and 10.
+        unlimited_velocity: Target speed where no limit is stated within 50 m. Positive and at most 100.
+        radius: Participants further away do not count. Positive and at most 1000.
+        braking_time: It brakes if the best proposal hits somebody within this time ... Between 0 and 60.
+        braking_velocity: ... and the agent is at most this fast. Between 0 and 100.
+        braking: How hard it then brakes. Positive and at most 100.
+        weights: Weights of the quality.
+        lateral_acceleration: Lateral acceleration in bends, at most three quarters of the vehicle's limit. The
+            published planner knows no bends. Positive and at most 100.
+        approach: Deceleration before bends, lower limits and the goal. The published planner knows the limit where
+            it is, and no speed of its goal. Positive and at most 100.
+    """
+
+    time_gap: Annotated[float, "s"] = 1.5
+    minimum_gap: Annotated[float, "m"] = 1.0
+    acceleration: Annotated[float, "m/s²"] = 1.5
+    deceleration: Annotated[float, "m/s²"] = 3.0
+    exponent: float = 10.0
+    horizon: Annotated[float, "s"] = 4.0
+    step: Annotated[float, "s"] = 0.1
+    speeds: int = 5
+    offset: Annotated[float, "m"] = 1.0
+    unlimited_velocity: Annotated[float, "m/s"] = 15.0
+    radius: Annotated[float, "m"] = 50.0
+    braking_time: Annotated[float, "s"] = 2.0
+    braking_velocity: Annotated[float, "m/s"] = 5.0
+    braking: Annotated[float, "m/s²"] = 4.05
+    weights: PdmWeights = field(default_factory=PdmWeights)
+    lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    approach: Annotated[float, "m/s²"] = 1.5
+
+    def __post_init__(self) -> None:
+        """Checks the ranges (in the core, which names the field)."""
+        _core.check_settings("Pdm", self)
+
+
+@dataclass(frozen=True)
 class ReferenceDriving:
     """What the reference drivers have in common.
 

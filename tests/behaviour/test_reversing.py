@@ -120,7 +120,7 @@ def test_the_contract_of_planners_admits_one_that_reverses():
     assert "an empty road" in check_planner(Far)
 
 
-@pytest.mark.parametrize("planner", [*NATIVE, "velocity_adjusting"])
+@pytest.mark.parametrize("planner", [*NATIVE, "pdm", "velocity_adjusting"])
 def test_an_agent_that_rolls_backwards_at_first_brakes_and_then_drives_to_its_goal(planner):
     scenario = on_a_road(velocity=-3.0, time_step=(0, 300))
     if planner == "velocity_adjusting":

@@ -100,6 +100,7 @@ fn benches(c: &mut Criterion) {
         ("idm", Planner::Idm(IdmSettings::default())),
         ("lawful", Planner::Lawful(LawfulSettings::default())),
         ("idm_mobil", Planner::IdmMobil(Box::default())),
+        ("pdm", Planner::Pdm(Box::default())),
         ("frenet", Planner::Frenet(Box::default())),
         ("rollout", Planner::Rollout(Box::default())),
     ] {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::plan::frenet::{self, CostWeights, FrenetTarget};
 use interdrive_core::plan::learned::ActionSpace;
+use interdrive_core::plan::pdm::{PDM_TERMS, PdmCandidates};
 use interdrive_core::plan::policy::{Activation, LayerWeights, Policy, SharedPolicy};
 use interdrive_core::plan::rollout::{self, RolloutCandidates, RolloutWeights};
 use interdrive_core::plan::weights::{WeightActions, WeightChange};
@@ -56,6 +57,7 @@ impl PyPlanner {
             "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),
             "idm" => Planner::Idm(read(record)?),
             "lawful" => Planner::Lawful(read(record)?),
+            "pdm" => Planner::Pdm(Box::new(read(record)?)),
             "cc" => Planner::Reference(Driver::Cc, read::<CcSettings>(record)?.driving),
             "r157" => Planner::Reference(Driver::R157, read::<R157Settings>(record)?.driving),
             "rss" => Planner::Reference(Driver::Rss, read::<RssSettings>(record)?.driving),
@@ -95,12 +97,13 @@ type LayerParts<'py> = (String, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py
 
 /// What a plan was chosen from as a dict of arrays: x, y (candidates, points); terms (candidates, terms); term_names; cost,
 /// end_velocity, end_offset (candidates,); rejection (words per candidate); chosen (-1 for none); desired_velocity. Of
-/// `frenet` also end_time (candidates,); of `rollout` pace (a name per candidate).
+/// `frenet` also end_time (candidates,); of `rollout` and `pdm` pace (a name per candidate).
 pub fn candidates_dict<'py>(py: Python<'py>, candidates: &Candidates) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     match candidates {
         Candidates::Frenet(found) => frenet_candidates(py, &dict, found)?,
         Candidates::Rollout(found) => rollout_candidates(py, &dict, found)?,
+        Candidates::Pdm(found) => pdm_candidates(py, &dict, found)?,
     }
     Ok(dict)
 }
@@ -134,4 +137,19 @@ fn rollout_candidates(py: Python<'_>, dict: &Bound<'_, PyDict>, found: &RolloutC
     dict.set_item("rejection", found.rejection.clone())?;
     dict.set_item("chosen", found.chosen.map_or(-1, |chosen| chosen as i64))?;
     dict.set_item("desired_velocity", found.desired_velocity)
+}
+
+fn pdm_candidates(py: Python<'_>, dict: &Bound<'_, PyDict>, found: &PdmCandidates) -> PyResult<()> {
+    let (n, n_points) = (found.cost.len(), found.n_points);
+    dict.set_item("x", arrays::grid(py, found.x.clone(), [n, n_points])?)?;
+    dict.set_item("y", arrays::grid(py, found.y.clone(), [n, n_points])?)?;
+    dict.set_item("terms", arrays::grid(py, found.terms.clone(), [n, PDM_TERMS.len()])?)?;
+    dict.set_item("term_names", PDM_TERMS.to_vec())?;
+    dict.set_item("cost", arrays::row(py, found.cost.clone()))?;
+    dict.set_item("pace", found.pace.clone())?;
+    dict.set_item("end_velocity", arrays::row(py, found.end_velocity.clone()))?;
+    dict.set_item("end_offset", arrays::row(py, found.end_offset.clone()))?;
+    dict.set_item("rejection", found.rejection.clone())?;
+    dict.set_item("chosen", found.chosen.map_or(-1, |chosen| chosen as i64))?;
+    dict.set_item("desired_velocity", f64::NAN)
 }

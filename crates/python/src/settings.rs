@@ -5,7 +5,7 @@ use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::frenet::{FrenetSettings, FrenetTarget};
 use interdrive_core::plan::rollout::RolloutSettings;
 use interdrive_core::plan::{
-    CcSettings, FsmSettings, IdmMobilSettings, IdmSettings, LawfulSettings, R157Settings, RssSettings,
+    CcSettings, FsmSettings, IdmMobilSettings, IdmSettings, LawfulSettings, PdmSettings, R157Settings, RssSettings,
     VelocityAdjustingSettings,
 };
 use interdrive_core::predict::{ConstantVelocity, LaneFollowing};
@@ -32,6 +32,7 @@ fn records() -> Vec<Box<dyn Record>> {
         Box::new(IdmSettings::default()),
         Box::new(LawfulSettings::default()),
         Box::new(IdmMobilSettings::default()),
+        Box::new(PdmSettings::default()),
         Box::new(CcSettings::default()),
         Box::new(R157Settings::default()),
         Box::new(RssSettings::default()),

@@ -20,6 +20,7 @@ from interdrive.planners import (
     Idm,
     IdmMobil,
     Lawful,
+    Pdm,
     Planner,
     Recorded,
     Rollout,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     from interdrive.predictors import PredictorSettings
 
 NativePlanner: TypeAlias = (
-    Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful | Cc | R157 | Rss | Fsm
+    Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful | Pdm | Cc | R157 | Rss | Fsm
 )
 NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 

@@ -5,7 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from interdrive import _core
-from interdrive.native_settings import R157, Cc, Frenet, Fsm, Idm, IdmMobil, Lawful, Rollout, Rss, VelocityAdjusting
+from interdrive.native_settings import (
+    R157,
+    Cc,
+    Frenet,
+    Fsm,
+    Idm,
+    IdmMobil,
+    Lawful,
+    Pdm,
+    Rollout,
+    Rss,
+    VelocityAdjusting,
+)
 from interdrive.planners.policy import policy_planner
 
 
@@ -36,6 +48,7 @@ class PlannerSettings:
         idm: Settings of `idm`.
         idm_mobil: Settings of `idm_mobil`.
         lawful: Settings of `lawful`.
+        pdm: Settings of `pdm`.
         cc: Settings of `cc`.
         r157: Settings of `r157`.
         rss: Settings of `rss`.
@@ -48,6 +61,7 @@ class PlannerSettings:
     idm: Idm = field(default_factory=Idm)
     idm_mobil: IdmMobil = field(default_factory=IdmMobil)
     lawful: Lawful = field(default_factory=Lawful)
+    pdm: Pdm = field(default_factory=Pdm)
     cc: Cc = field(default_factory=Cc)
     r157: R157 = field(default_factory=R157)
     rss: Rss = field(default_factory=Rss)
@@ -62,6 +76,7 @@ NATIVE = {
     "velocity_adjusting": "keeps the recorded path, and the recorded speed where the way is free",
     "idm": "drives its reference path with the Intelligent Driver Model",
     "lawful": "drives its reference path with the Intelligent Driver Model, as fast as is lawful",
+    "pdm": "scores 15 proposals at shares of the speed limit and drives the best, after PDM-Closed",
     "policy": "drives by a policy that was learned, `policy,file=FILE`",
     "idm_mobil": "drives with the Intelligent Driver Model and changes lanes with MOBIL",
     "cc": "drives as the competent and careful human driver of UN R157",
@@ -82,6 +97,7 @@ RECORDS: dict[str, type] = {
     "idm": Idm,
     "idm_mobil": IdmMobil,
     "lawful": Lawful,
+    "pdm": Pdm,
     "cc": Cc,
     "r157": R157,
     "rss": Rss,

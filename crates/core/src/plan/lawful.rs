@@ -13,7 +13,7 @@ pub(super) const SLOWING_TIME: f64 = 0.5;
 /// ... but brakes no harder for it [m/s²].
 pub(super) const SLOWING_MAX: f64 = 3.0;
 /// Where no limit is stated, the nearest one counts that is stated on the path within this distance [m].
-const STATED_WITHIN: f64 = 50.0;
+pub(super) const STATED_WITHIN: f64 = 50.0;
 /// Where none is stated within that, at least this speed is lawful [m/s], ...
 const UNSTATED_VELOCITY_MIN: f64 = 5.0;
 /// ... and the median speed of what moves within this distance [m] and this angle to the agent's heading (cosine).

@@ -21,6 +21,7 @@ pub mod external_plan;
 mod speed_profile;
 mod passing;
 mod path_motion;
+pub mod pdm;
 pub mod policy;
 mod polynomial;
 mod recorded;
@@ -36,6 +37,7 @@ pub use idm::IdmSettings;
 pub use lawful::LawfulSettings;
 pub use mobil::IdmMobilSettings;
 pub(crate) use passing::narrow_place;
+pub use pdm::PdmSettings;
 pub use prediction_index::PredictionIndex;
 pub use reference::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
 pub use velocity_adjusting::VelocityAdjustingSettings;
@@ -75,6 +77,8 @@ pub enum Planner {
     Lawful(LawfulSettings),
     /// The same with lane changes by MOBIL.
     IdmMobil(Box<IdmMobilSettings>),
+    /// The best of proposals that are scored, after PDM-Closed.
+    Pdm(Box<PdmSettings>),
     /// The reference path as a reference driver.
     Reference(Driver, ReferenceDriving),
     /// A learned policy.
@@ -87,6 +91,11 @@ impl Planner {
     /// It stops before what [`Rules::told`] names.
     pub fn heeds_barriers(&self) -> bool {
         !matches!(self, Self::Recorded | Self::VelocityAdjusting(_) | Self::Policy(_) | Self::External)
+    }
+
+    /// It chooses among candidates.
+    pub fn chooses(&self) -> bool {
+        matches!(self, Self::Rollout(_) | Self::Frenet(_) | Self::Pdm(_))
     }
 }
 
@@ -286,9 +295,12 @@ impl Prepared {
                     (None, None) => Self::Nothing,
                 })
             }
-            Planner::Frenet(_) | Planner::Idm(_) | Planner::Lawful(_) | Planner::Reference(..) | Planner::External => {
-                Ok(Self::Nothing)
-            }
+            Planner::Frenet(_)
+            | Planner::Idm(_)
+            | Planner::Lawful(_)
+            | Planner::Pdm(_)
+            | Planner::Reference(..)
+            | Planner::External => Ok(Self::Nothing),
             Planner::Recorded => recorded_path("recorded"),
             Planner::VelocityAdjusting(_) => recorded_path("velocity_adjusting"),
             Planner::Policy(_) => Ok(Self::PathTable(Box::new(PathTable::new(route, goal, &scenario.road)))),
@@ -325,6 +337,8 @@ pub enum Candidates {
     Frenet(frenet::Candidates),
     /// Roll-outs of `rollout`.
     Rollout(rollout::RolloutCandidates),
+    /// Proposals of `pdm`.
+    Pdm(pdm::PdmCandidates),
 }
 
 /// All that a plan was chosen from, with costs and the reasons of rejection; `None` for a planner that does not choose.
@@ -335,6 +349,7 @@ pub fn candidates(planner: &Planner, prepared: &Prepared, request: &PlanRequest)
             let aimed = prepared.aim(request, &settings.comfort);
             Some(Candidates::Rollout(rollout::candidates(&aimed, settings)))
         }
+        Planner::Pdm(settings) => Some(Candidates::Pdm(pdm::candidates(request, settings))),
         _ => None,
     }
 }
@@ -349,6 +364,7 @@ pub struct PlanningMemory {
     pub(crate) others: Vec<Other<'static>>,
     frenet: frenet::FrenetMemory,
     rollout: rollout::RolloutMemory,
+    pdm: pdm::PdmMemory,
     policy: policy::PolicyMemory,
     conflicts: conflicts::Conflicts,
     speed_profile: speed_profile::SpeedProfile,
@@ -406,6 +422,11 @@ pub fn plan(
         }
         (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
         (Planner::Lawful(settings), _) => lawful::plan(request, settings, memory),
+        (Planner::Pdm(settings), _) => {
+            let found = pdm::plan(request, settings, &mut memory.pdm);
+            memory.effort = memory.pdm.effort();
+            found.unwrap_or_else(|reason| refused(request, memory, reason))
+        }
         (Planner::Reference(driver, settings), _) => reference::plan(request, (*driver, settings), memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),

@@ -75,8 +75,7 @@ impl World {
         let (scene, expected) = (&*step.scene, step.expected()?);
         self.check_time_step("scene", scene.time_step)?;
         let drive = &self.drives[self.drive_index(id)?];
-        if !matches!(drive.agent.planner, Planner::Rollout(_) | Planner::Frenet(_)) || !drive.is_driving(self.time_step)
-        {
+        if !drive.agent.planner.chooses() || !drive.is_driving(self.time_step) {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);

@@ -82,7 +82,7 @@ fn law(source: &mut Source) -> CarFollowing {
 /// Agents without a recording mostly get a planner that needs none: otherwise there is no world.
 fn planner(source: &mut Source, is_recorded: bool) -> Planner {
     let idm = |source: &mut Source| IdmSettings { law: law(source), ..IdmSettings::default() };
-    let kind = source.byte() % 10;
+    let kind = source.byte() % 11;
     match if (3..=4).contains(&kind) && !is_recorded && !source.is_odd() { 6 } else { kind } {
         0 | 1 => Planner::Rollout(Box::new(rollout(source))),
         2 => Planner::Frenet(Box::new(frenet(source))),
@@ -92,6 +92,7 @@ fn planner(source: &mut Source, is_recorded: bool) -> Planner {
         6 => Planner::IdmMobil(Box::new(IdmMobilSettings { idm: idm(source), ..IdmMobilSettings::default() })),
         7 => Planner::Lawful(LawfulSettings { law: law(source), ..LawfulSettings::default() }),
         8 => Planner::Reference(Driver::ALL[usize::from(source.byte() % 4)], ReferenceDriving::default()),
+        9 => Planner::Pdm(Box::default()),
         _ => Planner::External,
     }
 }
