@@ -78,7 +78,7 @@ demo: $(VENV)/.installed ## the T-junction: every car plans for itself
 	@echo "open $(CURDIR)/demo/report.html in a browser; the film is $(CURDIR)/demo/run.gif, the picture $(CURDIR)/demo/run.png"
 
 test: $(VENV)/.installed ## tests of the core and the package, but those of `make long` and `make recorded`
-	cargo test --profile quick --quiet -p interdrive-core
+	cargo test --profile quick --quiet -p interdrive-core -p interdrive-commonroad
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=20 -m "not recorded and not long" # a module's fixtures are made by one worker
 
 long: $(VENV)/.installed ## tests of batches, whole commands, examples, faults of disks and processes

@@ -29,14 +29,31 @@ _Interval = tuple[float, float]
 __all__ = [
     "CODES",
     "COMFORTABLE_DECELERATION",
+    "DEEPEST",
     "DESIGN_WIDTH",
     "JUDGED_STANDSTILL_SPEED",
+    "LARGEST_ACCELERATION",
+    "LARGEST_ANGLE",
+    "LARGEST_COORDINATE",
+    "LARGEST_DT",
+    "LARGEST_GOAL_TIME_STEP",
+    "LARGEST_ID",
+    "LARGEST_TIME_STEP",
+    "LARGEST_VELOCITY",
+    "LARGEST_YAW_RATE",
+    "MOST_LANELETS",
+    "MOST_OBSTACLES",
+    "MOST_POINTS",
+    "MOST_POINTS_OF_A_LANELET",
+    "MOST_PROBLEMS",
+    "MOST_STATES",
     "NEURAL",
     "PLAN_POINTS_MAX",
     "RASTER",
     "REACH",
     "REACH_TIME",
     "REWARDS",
+    "SMALLEST_DT",
     "STANDSTILL_SPEED",
     "STOP_REACH",
     "Agent",
@@ -79,6 +96,7 @@ __all__ = [
     "overlapping_lanelets",
     "participant_mass",
     "proportion_of_stopping_distance",
+    "read_commonroad",
     "required_acceleration",
     "required_lateral_acceleration",
     "rss_lateral",
@@ -100,6 +118,23 @@ STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float
 #: Stops count so far before the line of a sign [m].
 STOP_REACH: float
+DEEPEST: int
+LARGEST_GOAL_TIME_STEP: int
+LARGEST_ID: int
+LARGEST_TIME_STEP: int
+MOST_LANELETS: int
+MOST_OBSTACLES: int
+MOST_POINTS: int
+MOST_POINTS_OF_A_LANELET: int
+MOST_PROBLEMS: int
+MOST_STATES: int
+LARGEST_ACCELERATION: float
+LARGEST_ANGLE: float
+LARGEST_COORDINATE: float
+LARGEST_DT: float
+LARGEST_VELOCITY: float
+LARGEST_YAW_RATE: float
+SMALLEST_DT: float
 #: Orders are asked from `REACH` [m] or `REACH_TIME` [s] before a junction on; its areas are for vehicles of
 #: `DESIGN_WIDTH` [m].
 DESIGN_WIDTH: float
@@ -806,6 +841,9 @@ class Worlds:
     def outcomes(self, world: int) -> dict[str, Any]: ...
     def states(self, world: int) -> dict[str, Any]: ...
     def plans(self, world: int) -> dict[str, Any]: ...
+
+def read_commonroad(text: str) -> dict[str, Any]:
+    """The elements of a CommonRoad document, by the names of `interdrive.files.elements`."""
 
 def check_settings(name: str, given: object) -> None:
     """Checks the fields of a record by the core's table of this name.

@@ -3,6 +3,7 @@
 #![allow(clippy::too_many_arguments, reason = "one array per field: Python passes them by name")]
 
 mod arrays;
+mod commonroad;
 mod criticality;
 mod errors;
 mod getters;
@@ -73,6 +74,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     neural::register(module)?;
     scoring::register(module)?;
     reference_drivers::register(module)?;
+    commonroad::register(module)?;
     module.add_function(wrap_pyfunction!(settings::check_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::settings_tables, module)?)?;
     module.add_function(wrap_pyfunction!(settings::steps_at_most, module)?)?;

@@ -2,6 +2,7 @@
 
 from interdrive.files.content import content_of_file, content_of_input
 from interdrive.files.osi_export import write_osi
+from interdrive.files.protobuf import scenario_parts
 from interdrive.files.read import (
     ScenarioSpec,
     is_source,
@@ -10,7 +11,6 @@ from interdrive.files.read import (
     read_scenario,
     read_source,
     scenario_from_commonroad,
-    scenario_parts,
 )
 from interdrive.files.scenario_file import road_losses, write_scenario
 from interdrive.files.shipped import (

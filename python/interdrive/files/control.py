@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.files.shapes import name_of
 from interdrive.scenario.control import SIGNALS, TURNS, Priorities, Signal, StopLine, TrafficLight, Turn
 from interdrive.scenario.lanes import driving_side
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive.files.document import Facts
+    from interdrive.files.facts import Facts
     from interdrive.files.shapes import Foreign
     from interdrive.scenario import Lanelets
 
@@ -63,7 +64,7 @@ _RIGHT_ON_RED = frozenset(("CAN", "PRI", "USA"))
 
 
 def control(
-    network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: Facts
+    network: Foreign, lanelets: Lanelets, benchmark_id: str
 ) -> tuple[tuple[TrafficLight, ...], tuple[StopLine, ...]]:
     """Traffic lights, sorted by id, and stop lines, sorted by lanelet.
 
@@ -73,15 +74,13 @@ def control(
     allowed to the right in the USA, Puerto Rico and Canada, and beside a green arrow sign (720), unless a light for
     the turn to the right alone can be red.
     """
-    lights = tuple(
-        _light(light, facts) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id))
-    )
+    lights = tuple(_light(light) for light in sorted(network.traffic_lights, key=lambda one: int(one.traffic_light_id)))
     known = {light.id: light for light in lights}
     rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    stopping = _leading_from(network, lanelets, lambda sign: "STOP" in _names(sign, facts))
+    stopping = _leading_from(network, lanelets, lambda sign: "STOP" in _names(sign))
     turns = _stated_turns(network)
-    arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign, facts))
+    arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign))
     on_red = set(sources) if may_turn_on_red(benchmark_id) else arrows
     lines = []
     for number in sorted(sources):
@@ -138,14 +137,14 @@ def may_turn_on_red(benchmark_id: str) -> bool:
     return _country(benchmark_id) in _RIGHT_ON_RED
 
 
-def _light(light: Foreign, facts: Facts) -> TrafficLight:
+def _light(light: Foreign) -> TrafficLight:
     cycle = light.traffic_light_cycle
     elements = (getattr(cycle, "cycle_elements", None) or ()) if light.active else ()
     phases = tuple((_signal(element.state), int(element.duration)) for element in elements if element.duration > 0)
-    stated = str(getattr(light.direction, "value", "all"))
+    stated = name_of(light.direction)
     directions = frozenset(turn for turn in TURNS if turn in stated.lower()) or frozenset(TURNS)
     number = int(light.traffic_light_id)
-    place = None if number in facts.unplaced_lights else light.position
+    place = light.position
     return TrafficLight(
         id=number,
         phases=phases if any(signal != "dark" for signal, _ in phases) else (),
@@ -280,7 +279,7 @@ def _country(benchmark_id: str) -> str:
 
 
 def _signal(state: Foreign) -> Signal:
-    name = "red" if state.value == "redYellow" else str(state.value)
+    name = "red" if name_of(state) == "redYellow" else name_of(state)
     return SIGNALS[SIGNALS.index(name)] if name in SIGNALS else "dark"
 
 
@@ -360,7 +359,7 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
     ranks: dict[int, tuple[int, int, int]] = {}
     # Of several signs at a lanelet the lowest rank counts.
     for name in sorted(RANKS, key=lambda name: -RANKS[name][1]):
-        here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign, facts))  # type: ignore[misc]
+        here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign))  # type: ignore[misc]
         ranks |= dict.fromkeys(here, RANKS[name])
     turns: list[tuple[int, Turn]] = sorted(_stated_turns(network).items())
     of_map = priorities_of_map(lanelets, benchmark_id)
@@ -397,13 +396,13 @@ def crosswalks(network: Foreign, lanelets: Lanelets) -> tuple[int, ...]:
     return tuple(number for number, kinds in found if "crosswalk" in kinds or number in stated)
 
 
-def is_priority_sign(sign: Foreign, facts: Facts) -> bool:
+def is_priority_sign(sign: Foreign) -> bool:
     """Whether the sign tells which vehicle goes first."""
-    return not RANKS.keys().isdisjoint(_names(sign, facts))
+    return not RANKS.keys().isdisjoint(_names(sign))
 
 
-def _names(sign: Foreign, facts: Facts) -> set[str]:
-    """Names of the elements of a sign, including elements that commonroad-io does not know in its country."""
+def _names(sign: Foreign) -> set[str]:
+    """Names of the elements of a sign, by their codes also of those that are not known in its country."""
     elements = [element.traffic_sign_element_id for element in sign.traffic_sign_elements]
-    raw = facts.signs.get(int(sign.traffic_sign_id), tuple(str(element.value) for element in elements))
-    return {str(element.name) for element in elements} | {_NAMES[text] for text in raw if text in _NAMES}
+    codes = (str(element.value) for element in elements)
+    return {str(element.name) for element in elements} | {_NAMES[text] for text in codes if text in _NAMES}

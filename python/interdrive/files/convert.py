@@ -1,4 +1,4 @@
-"""Converts scenarios, states and goals of commonroad-io to arrays."""
+"""Converts scenarios, states and goals of a document, or of commonroad-io, to arrays."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.files.control import control, control_notes, crosswalks, is_priority_sign, is_sign, priorities
-from interdrive.files.document import INITIAL_VALUES, Facts
 from interdrive.files.heights import heights_of, missing_heights
 from interdrive.files.motion import Track, completed, track, wrapped
 from interdrive.files.references import dangling_in_network
-from interdrive.files.shapes import Foreign, middle_of, polygon, shape_of
+from interdrive.files.shapes import Foreign, middle_of, name_of, polygon, shape_of
 from interdrive.scenario import (
     STATE_FIELDS,
     GoalState,
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from interdrive.files.facts import Facts
 
 Value = TypeVar("Value")
 
@@ -78,15 +79,15 @@ def _listed(ids: list[int]) -> str:
 def converted(
     scenario: Foreign, problems: Mapping[int, Foreign], *, file: str, path: Path | None, sha256: str, facts: Facts
 ) -> Scenario:
-    """Converts a scenario and a planning problem set of commonroad-io to a `Scenario`.
+    """Converts a scenario and planning problems of commonroad-io or of `elements` to a `Scenario`.
 
     Args:
-        scenario: `commonroad.scenario.scenario.Scenario`.
-        problems: `commonroad.planning.planning_problem.PlanningProblem` by id.
+        scenario: `commonroad.scenario.scenario.Scenario`, or an `elements.Document`.
+        problems: `commonroad.planning.planning_problem.PlanningProblem` by id, or those of the document.
         file: Name of the input in messages.
         path: File of the input, or None.
         sha256: Hash of that file.
-        facts: Contents of the file that commonroad-io loses; empty for objects from memory.
+        facts: What a file states beside them; empty for objects from memory.
 
     Returns:
         The scenario; all its coordinates are finite.
@@ -98,11 +99,9 @@ def converted(
     notes = _Notes()
     benchmark_id = facts.benchmark_id or str(scenario.scenario_id)
     lanelets = _lanelets(scenario.lanelet_network, notes)
-    obstacles = _obstacles(scenario, dt, file, facts, notes)
-    planning_problems = tuple(
-        _planning_problem(problems[number], lanelets, file, facts, notes) for number in sorted(problems)
-    )
-    lights, lines = control(scenario.lanelet_network, lanelets, benchmark_id, facts)
+    obstacles = _obstacles(scenario, dt, file, notes)
+    planning_problems = tuple(_planning_problem(problems[number], lanelets, file, notes) for number in sorted(problems))
+    lights, lines = control(scenario.lanelet_network, lanelets, benchmark_id)
     dangling = dangling_in_network(scenario.lanelet_network) if facts.dangling is None else facts.dangling
     found = Scenario(
         name=readable(path.stem) if path is not None else benchmark_id,
@@ -119,7 +118,7 @@ def converted(
             *missing_heights(scenario.lanelet_network.lanelets),
             *notes.lines(),
             *control_notes(scenario.lanelet_network, lanelets, lines),
-            *_not_obeyed(scenario.lanelet_network, facts),
+            *_not_obeyed(scenario.lanelet_network),
         ),
         incomings=_incomings(scenario.lanelet_network),
         traffic_lights=lights,
@@ -173,14 +172,14 @@ def _lanelets(network: Foreign, notes: _Notes) -> Lanelets:
         adjacent_right_same_direction=right_same,
         speed_limit=np.array([_speed_limit(lanelet, signs, notes) for lanelet in lanelets]),
         types=tuple(
-            tuple(sorted(str(kind.value) for kind in lanelet.lanelet_type or () if kind.value != "unknown"))
+            tuple(sorted(name for kind in lanelet.lanelet_type or () if (name := name_of(kind)) != "unknown"))
             for lanelet in lanelets
         ),
-        left_marking=_stated(tuple(str(lanelet.line_marking_left_vertices.value) for lanelet in lanelets), "unknown"),
-        right_marking=_stated(tuple(str(lanelet.line_marking_right_vertices.value) for lanelet in lanelets), "unknown"),
+        left_marking=_stated(tuple(name_of(lanelet.line_marking_left_vertices) for lanelet in lanelets), "unknown"),
+        right_marking=_stated(tuple(name_of(lanelet.line_marking_right_vertices) for lanelet in lanelets), "unknown"),
         users=_stated(
             tuple(
-                tuple(sorted({str(user.value) for user in (*lanelet.user_one_way, *lanelet.user_bidirectional)}))
+                tuple(sorted({name_of(user) for user in (*lanelet.user_one_way, *lanelet.user_bidirectional)}))
                 for lanelet in lanelets
             ),
             (),
@@ -215,9 +214,9 @@ def turned_bound(left: NDArray[np.float64], right: NDArray[np.float64]) -> int |
     return 1 if area < 0.0 else 0
 
 
-def _not_obeyed(network: Foreign, facts: Facts) -> tuple[str, ...]:
+def _not_obeyed(network: Foreign) -> tuple[str, ...]:
     """One line if there are signs that planners do not obey."""
-    count = sum(not (is_sign(sign, _LIMITS) or is_priority_sign(sign, facts)) for sign in network.traffic_signs)
+    count = sum(not (is_sign(sign, _LIMITS) or is_priority_sign(sign)) for sign in network.traffic_signs)
     what = "1 traffic sign is" if count == 1 else f"{count} traffic signs are"
     return (
         (f"{what} not obeyed: planners know speed limits, signs of priority and traffic lights only",) if count else ()
@@ -284,7 +283,7 @@ def _scalar(value: Foreign) -> float:
 
 def _area(source: Foreign, what: str, file: str) -> Shape:
     """A non-empty area, which has a middle."""
-    area = shape_of(source)
+    area = source if isinstance(source, Shape) else shape_of(source)
     parts = [area]
     while parts:
         part = parts.pop()
@@ -298,7 +297,7 @@ def _first_step(value: Foreign) -> int:
     return int(value.start) if hasattr(value, "start") else int(value)
 
 
-def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) -> tuple[int, tuple[float, ...], bool]:
+def _row(state: Foreign, what: str, file: str) -> tuple[int, tuple[float, ...], bool]:
     """Time step, columns as in `STATE_FIELDS` (nan: not stated) and whether anything was uncertain."""
     values = vars(state)
     position = values.get("position")
@@ -308,8 +307,6 @@ def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) ->
     exact = isinstance(position, (np.ndarray, list, tuple))
     x, y = position[:2] if exact else middle_of(_area(position, f"{what} has a state whose position is", file))
     numbers = [values.get(name) for name in ("orientation", "velocity", "acceleration", "yaw_rate")]
-    if stated is not None:
-        numbers = [number if tag in stated else None for number, tag in zip(numbers, INITIAL_VALUES, strict=True)]
     uncertain = not exact or hasattr(time_step, "start") or any(hasattr(number, "start") for number in numbers)
     orientation, velocity, acceleration, yaw_rate = (_scalar(number) for number in numbers)
     velocity_y = _scalar(values.get("velocity_y"))
@@ -326,7 +323,7 @@ def _row(state: Foreign, stated: frozenset[str] | None, what: str, file: str) ->
 # Obstacles
 
 
-def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _Notes) -> Obstacles:
+def _obstacles(scenario: Foreign, dt: float, file: str, notes: _Notes) -> Obstacles:
     for obstacle in getattr(scenario, "phantom_obstacle", ()):
         notes.add("phantom obstacles left out", int(obstacle.obstacle_id))
     buildings = [_Standing(obstacle, file) for obstacle in getattr(scenario, "environment_obstacle", ())]
@@ -342,11 +339,11 @@ def _obstacles(scenario: Foreign, dt: float, file: str, facts: Facts, notes: _No
     tracks, shapes = [], []
     for obstacle, number in zip(sources, ids, strict=True):
         if isinstance(obstacle, _Standing):
-            tracks.append(track([(0, (0.0,) * 6)]))
+            tracks.append(track(np.zeros(1, dtype=np.int64), np.zeros((1, 6))))
             shapes.append(obstacle.shape)
             continue
-        tracks.append(_track(obstacle, number in statics, dt, file, facts, notes))
-        shape = facts.footprints.get(number) or _shape(obstacle.obstacle_shape, number, file)
+        tracks.append(_track(obstacle, number in statics, dt, file, notes))
+        shape = _shape(obstacle.obstacle_shape, number, file)
         # Footprints may be made anywhere in the world; their size is checked around their centres.
         limits.require_shape(shape, f"obstacle {number}", file)
         shapes.append(shape)
@@ -376,6 +373,8 @@ class _Standing:
 
 
 def _shape(source: Foreign, number: int, file: str) -> Shape:
+    if isinstance(source, Shape):
+        return source
     try:
         return shape_of(source)
     except (AttributeError, IndexError, TypeError, ValueError) as error:
@@ -383,27 +382,30 @@ def _shape(source: Foreign, number: int, file: str) -> Shape:
 
 
 def _kind(obstacle: Foreign) -> str:
-    value = str(getattr(obstacle.obstacle_type, "value", "unknown"))
+    value = name_of(obstacle.obstacle_type)
     return value if value in _PLAIN_KINDS else _KINDS.get(value, "unknown")
 
 
-def _track(obstacle: Foreign, is_static: bool, dt: float, file: str, facts: Facts, notes: _Notes) -> Track:
+def _track(obstacle: Foreign, is_static: bool, dt: float, file: str, notes: _Notes) -> Track:
     number = int(obstacle.obstacle_id)
     prediction = None if is_static else obstacle.prediction
     trajectory = getattr(prediction, "trajectory", None)
     if prediction is not None and trajectory is None:
         notes.add("set-based predictions left out, the obstacle is there at its initial time step only", number)
-    states = [(obstacle.initial_state, facts.stated.get(number))]
-    states += [(state, None) for state in trajectory.state_list] if trajectory is not None else []
-    rows = []
-    for state, names in states:
-        step, row, uncertain = _row(state, names, f"obstacle {number}", file)
+    states = [obstacle.initial_state, *(trajectory.state_list if trajectory is not None else ())]
+    steps, rows = [], []
+    for state in states:
+        step, row, uncertain = _row(state, f"obstacle {number}", file)
         if uncertain:
             notes.add("uncertain states replaced by their middle, obstacles", number)
         limits.require_time_step(step, f"obstacle {number}", file)
-        rows.append((step, row))
-    rows += [] if is_static else facts.trajectories.get(number, [])
-    recorded = track(rows)
+        steps.append(step)
+        rows.append(row)
+    time_steps, values = np.array(steps, dtype=np.int64), np.array(rows, dtype=np.float64)
+    table = getattr(trajectory, "table", None)
+    if table is not None:
+        time_steps, values = np.concatenate((time_steps, table[0])), np.concatenate((values, table[1]))
+    recorded = track(time_steps, values)
     limits.require_states(recorded.values, f"obstacle {number}", file)
     if recorded.contradicts:
         notes.add("a time step stated twice at different places, the first counts, obstacles", number)
@@ -454,10 +456,10 @@ def _tables(
 # Planning problems
 
 
-def _planning_problem(problem: Foreign, lanelets: Lanelets, file: str, facts: Facts, notes: _Notes) -> PlanningProblem:
+def _planning_problem(problem: Foreign, lanelets: Lanelets, file: str, notes: _Notes) -> PlanningProblem:
     number = int(problem.planning_problem_id)
     what = f"planning problem {number}"
-    step, row, uncertain = _row(problem.initial_state, facts.stated_by_problem.get(number), what, file)
+    step, row, uncertain = _row(problem.initial_state, what, file)
     if uncertain:
         notes.add("uncertain initial states replaced by their middle, planning problems", number)
     x, y, orientation, velocity, acceleration, yaw_rate = row

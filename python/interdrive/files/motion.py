@@ -39,21 +39,20 @@ class Track:
     contradicts: bool = False
 
 
-def track(rows: list[tuple[int, tuple[float, ...]]]) -> Track:
-    """Makes a track from rows of (time step, columns) in any order.
+def track(time_steps: Ints, values: Floats) -> Track:
+    """Makes a track from states in any order: time steps, shape (states,), and columns, shape (states, 6).
 
     If a time step occurs twice (an initial state repeated in the trajectory), the first row counts, and its missing
     values are taken from the later one.
     """
-    ordered = np.array([time_step for time_step, _ in rows], dtype=np.int64)
-    if np.all(np.diff(ordered) > 0):  # the common case
-        return Track(ordered, np.array([values for _, values in rows], dtype=np.float64))
+    if np.all(np.diff(time_steps) > 0):  # the common case
+        return Track(time_steps, values)
     by_step: dict[int, list[float]] = {}
     contradicts = False
-    for time_step, values in rows:
-        known = by_step.setdefault(time_step, list(values))
-        contradicts |= np.hypot(values[0] - known[0], values[1] - known[1]) > SAME_PLACE
-        for column, value in enumerate(values):
+    for time_step, row in zip(time_steps.tolist(), values.tolist(), strict=True):
+        known = by_step.setdefault(time_step, list(row))
+        contradicts |= np.hypot(row[0] - known[0], row[1] - known[1]) > SAME_PLACE
+        for column, value in enumerate(row):
             if np.isnan(known[column]):
                 known[column] = value
     steps = sorted(by_step)

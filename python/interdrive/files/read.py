@@ -1,4 +1,4 @@
-"""Opens CommonRoad files. Only this module, convert.py and write.py of this package import commonroad-io."""
+"""Opens CommonRoad files. XML is read by the core, protobuf by commonroad-io (`protobuf`)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ import warnings
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
-from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
 
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import document
-from interdrive.files.completion import completed_document, completed_messages
-from interdrive.files.content import content_of_file, content_of_input
+from interdrive.files.content import content_of_input
 from interdrive.files.convert import converted
-from interdrive.files.numbers import check_message
-from interdrive.files.references import dangling_in_file
+from interdrive.files.elements import read_elements
+from interdrive.files.encoding import text_of
+from interdrive.files.facts import Facts
+from interdrive.files.protobuf import PROTOBUF_ENDINGS, open_protobuf
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
 from interdrive.files.sources import SourceFile, recognised, scenario_of
@@ -45,8 +45,6 @@ ScenarioSpec: TypeAlias = (
 
 #: Letters of a message about a source.
 _LONGEST = 500
-#: Endings of protobuf files; all other files are read as XML.
-PROTOBUF_ENDINGS = (".pb", ".proto", ".protobuf")
 
 
 def read_scenario(path: str | os.PathLike[str], *, raw: bool = False) -> Scenario:
@@ -81,7 +79,7 @@ def read_scenario(path: str | os.PathLike[str], *, raw: bool = False) -> Scenari
     file, sha256 = str(path), hashlib.sha256(data).hexdigest()
     with quiet(file) as remarks:
         scenario, problems, lacking = open_protobuf(path, data)
-        facts = document.Facts(notes=lacking)
+        facts = Facts(notes=lacking)
         result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
     return _repaired(_with_remarks(result, remarks), raw=raw)
 
@@ -141,15 +139,16 @@ def read_document(data: bytes, file: str, path: Path | None = None, *, raw: bool
         raw: Leave recordings as the document has them.
     """
     sha256 = "" if path is None else hashlib.sha256(data).hexdigest()
-    with quiet(file) as remarks:
-        root = document.parse(data, file)
-        dangling = dangling_in_file(root)
-        document.check(root, file)
-        facts = document.facts(root, file, dangling)
-        facts = dataclasses.replace(facts, notes=completed_document(root, file))
-        scenario, problems = _open_xml(root, data)
-        result = converted(scenario, _by_id(problems), file=file, path=path, sha256=sha256, facts=facts)
-    return _repaired(_with_remarks(result, remarks), raw=raw)
+    if not data.strip():
+        raise InputError(f"{file}: the file is empty; give a CommonRoad file")
+    with quiet(file):
+        try:
+            found = read_elements(text_of(data, file), file)
+        except SyntaxError as error:
+            document.parse(data, file)  # says more of what is wrong
+            raise InputError(f"{file}: broken XML ({error}); is the file complete?") from None
+        result = converted(found, found.problems, file=file, path=path, sha256=sha256, facts=found.facts)
+    return _repaired(result, raw=raw)
 
 
 def scenario_from_commonroad(
@@ -177,7 +176,7 @@ def scenario_from_commonroad(
         raise InputError(f"{type(scenario).__name__} is not a commonroad.scenario.scenario.Scenario")
     problems = _by_id(planning_problems)
     with quiet(file) as remarks:
-        facts = document.Facts()
+        facts = Facts()
         result = converted(scenario, problems, file=file, path=None, sha256="", facts=facts)
     return _repaired(_with_remarks(result, remarks), raw=raw)
 
@@ -202,91 +201,6 @@ def _bytes(path: Path) -> bytes:
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give a CommonRoad file in it")
     return content_of_input(path)
-
-
-def _open_xml(root: Element, data: bytes) -> tuple[Foreign, Foreign]:
-    from commonroad.common.reader.file_reader_xml import XMLFileReader  # noqa: PLC0415 - a fifth of a second
-
-    class Reader(XMLFileReader):  # type: ignore[misc] # commonroad-io has no types
-        """Reads the checked document, so that it is not parsed twice."""
-
-        def _parse_file(self) -> None:
-            self._tree = ElementTree(root)
-
-    opened: tuple[Foreign, Foreign] = Reader(data).open(lanelet_assignment=False)
-    return opened
-
-
-def open_protobuf(path: Path, data: bytes) -> tuple[Foreign, Foreign, tuple[str, ...]]:
-    """Opens protobuf of the version of commonroad-io as its scenario and planning problem set, with notes."""
-    try:
-        from commonroad.common.file_reader import FileFormat  # noqa: PLC0415
-    except ImportError:
-        return _open_protobuf_parts(path)
-    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
-    from commonroad.scenario_definition.protobuf_format.generated_scripts.commonroad_pb2 import (  # noqa: PLC0415
-        CommonRoad,
-    )
-
-    _checked(CommonRoad(), data, path)
-    return (*CommonRoadFileReader(data, file_format=FileFormat.PROTOBUF).open(), ())
-
-
-def _open_protobuf_parts(path: Path) -> tuple[Foreign, Foreign, tuple[str, ...]]:
-    """The same for commonroad-io from 2026.1 on, with separate files for map, traffic and planning problems."""
-    traffic_file, problem_file, road_file = _protobuf_parts(path)
-    for part, meaning in ((traffic_file, "traffic"), (road_file, "map")):
-        if not part.is_file():
-            raise InputError(f"{path}: the {meaning} file {part.name} is not beside it; put it there or convert to XML")
-    from commonroad.common.file_reader import CommonRoadFileReader  # noqa: PLC0415
-    from commonroad.common.protobuf.dynamic.commonroad_dynamic_pb2 import CommonRoadDynamic  # noqa: PLC0415
-    from commonroad.common.protobuf.map.commonroad_map_pb2 import CommonRoadMap  # noqa: PLC0415
-    from commonroad.common.protobuf.scenario.commonroad_scenario_pb2 import CommonRoadScenario  # noqa: PLC0415
-    from commonroad.scenario.traffic_sign import TrafficSignIDCountries  # noqa: PLC0415
-
-    traffic = _checked(CommonRoadDynamic(), content_of_file(traffic_file), traffic_file)
-    roads = _checked(CommonRoadMap(), content_of_file(road_file), road_file)
-    problems = CommonRoadScenario()
-    if problem_file.is_file():
-        _checked(problems, content_of_file(problem_file), problem_file)
-    signs = {country: names.__members__.keys() for country, names in TrafficSignIDCountries.items()}
-    notes = completed_messages(roads, traffic, problems, signs, str(problem_file))
-    reader = CommonRoadFileReader(
-        filename_map=roads.SerializeToString(),
-        filename_dynamic=traffic.SerializeToString(),
-        filename_scenario=problems.SerializePartialToString(),
-    )
-    if problem_file.is_file():
-        scenario, problem_set, _cooperative = reader.open_all()
-        return scenario, problem_set, notes
-    return reader.open_map_dynamic(), None, notes
-
-
-def _checked(message: Foreign, data: bytes, path: Path) -> Foreign:
-    message.MergeFromString(data)
-    check_message(message, str(path))
-    missing = message.FindInitializationErrors()
-    if missing:
-        raise InputError(f"{path}: lacks {missing[0]}; add it")
-    return message
-
-
-def _protobuf_parts(path: Path) -> tuple[Path, Path, Path]:
-    """The expected paths of traffic, planning problems and map of a protobuf file."""
-    name = path.stem.removesuffix("-SC")
-    return (
-        path.with_name(name + path.suffix),
-        path.with_name(f"{name}-SC{path.suffix}"),
-        path.with_name("_".join(name.split("_")[:2]) + path.suffix),
-    )
-
-
-def scenario_parts(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """The files beside `path` that `read_scenario` may open with it, in a fixed order; XML files have none."""
-    path = Path(path)
-    if path.suffix.lower() not in PROTOBUF_ENDINGS:
-        return ()
-    return tuple(part for part in _protobuf_parts(path) if part != path and part.is_file())
 
 
 @contextmanager
@@ -353,26 +267,16 @@ def _reason(error: Exception) -> str:
 
 
 def _place(error: Exception) -> str:
-    """The element that commonroad-io was reading, which its messages do not name: a local variable of its readers.
-
-    It is `xml_node` of those of XML; in those of protobuf its name ends with `_msg`.
-    """
-    owner = inner = ""
+    """The element of a message that commonroad-io was reading: a local variable whose name ends with `_msg`."""
+    owner = ""
     trace = error.__traceback__
     while trace is not None:
-        variables = trace.tb_frame.f_locals
-        node = variables.get("xml_node")
-        if isinstance(node, Element):
-            number = node.get("id")
-            owner, inner = (f" of {node.tag} {number}", "") if number else (owner, node.tag)
-        for name, value in variables.items():
+        for name, value in trace.tb_frame.f_locals.items():
             kind = name.removesuffix("_msg")
             if kind != name and isinstance(getattr(value, f"{kind}_id", None), int):
-                owner = f" of {kind.replace('_', ' ')} {getattr(value, f'{kind}_id')}"
+                owner = f" at {kind.replace('_', ' ')} {getattr(value, f'{kind}_id')}"
         trace = trace.tb_next
-    if inner and inner != "commonRoad":
-        return f" at <{inner}>{owner}"
-    return owner.replace(" of ", " at ", 1)
+    return owner
 
 
 def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:

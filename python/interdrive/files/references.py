@@ -1,4 +1,4 @@
-"""References of a map to elements that do not exist."""
+"""References of a map of commonroad-io to elements that do not exist. Those of a document are found by the core."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from xml.etree.ElementTree import Element
 
     from interdrive.files.shapes import Foreign
 
@@ -22,53 +21,24 @@ class _Reference(NamedTuple):
     id: int
 
 
-#: Targets of the relations of a lanelet, by their names in the format and in commonroad-io.
+#: Targets of the relations of a lanelet, by their names in commonroad-io.
 _RELATIONS = (
-    ("predecessor", "predecessor", "predecessor"),
-    ("successor", "successor", "successor"),
-    ("left neighbour", "adjacentLeft", "adj_left"),
-    ("right neighbour", "adjacentRight", "adj_right"),
-    ("traffic light", "trafficLightRef", "traffic_lights"),
-    ("traffic sign", "trafficSignRef", "traffic_signs"),
+    ("predecessor", "predecessor"),
+    ("successor", "successor"),
+    ("left neighbour", "adj_left"),
+    ("right neighbour", "adj_right"),
+    ("traffic light", "traffic_lights"),
+    ("traffic sign", "traffic_signs"),
 )
 #: The same of an incoming element, whose parts have different names in commonroad-io 2024 and 2026.
-_WAYS = ("incomingLanelet", "successorsRight", "successorsStraight", "successorsLeft")
-_WAYS_OF_OBJECTS = (
+_WAYS = (
     "incoming_lanelets",
     *(f"{group}_{way}" for group in ("outgoing", "successors") for way in ("right", "straight", "left")),
 )
 
 
-def dangling_in_file(root: Element) -> tuple[str, ...]:
-    """One line per reference of a document to a lanelet, light, sign or incoming that does not exist; see `_listed`."""
-
-    def ids(tag: str) -> set[int]:
-        return {number for element in root.iterfind(tag) if (number := _number(element.get("id"))) is not None}
-
-    known = {"lanelet": ids("lanelet"), "light": ids("trafficLight"), "sign": ids("trafficSign")}
-    known["incoming"] = ids("intersection/incoming")
-
-    def found() -> Iterator[_Reference]:
-        for lanelet in root.iterfind("lanelet"):
-            name = f"lanelet {lanelet.get('id')}"
-            for target, tag, _ in _RELATIONS:
-                yield from _references(name, target, lanelet.iterfind(tag))
-                if tag.startswith("traffic"):
-                    yield from _references(f"the stop line of {name}", target, lanelet.iterfind(f"stopLine/{tag}"))
-        for intersection in root.iterfind("intersection"):
-            place = f"of intersection {intersection.get('id')}"
-            for incoming in intersection.iterfind("incoming"):
-                name = f"incoming {incoming.get('id')} {place}"
-                for tag in _WAYS:
-                    yield from _references(name, "lanelet", incoming.iterfind(tag))
-                yield from _references(name, "incoming", incoming.iterfind("isLeftOf"))
-            yield from _references(f"a crossing {place}", "lanelet", intersection.iterfind("crossing/crossingLanelet"))
-
-    return _listed(found(), known)
-
-
 def dangling_in_network(network: Foreign) -> tuple[str, ...]:
-    """The same for a lanelet network of commonroad-io."""
+    """One line per reference of a lanelet network of commonroad-io to what does not exist; see `_listed`."""
     known = {
         "lanelet": {int(lanelet.lanelet_id) for lanelet in network.lanelets},
         "light": {int(light.traffic_light_id) for light in network.traffic_lights},
@@ -78,7 +48,7 @@ def dangling_in_network(network: Foreign) -> tuple[str, ...]:
     def found() -> Iterator[_Reference]:
         for lanelet in sorted(network.lanelets, key=lambda one: int(one.lanelet_id)):
             name = f"lanelet {lanelet.lanelet_id}"
-            for target, _, attribute in _RELATIONS:
+            for target, attribute in _RELATIONS:
                 yield from (_Reference(name, target, number) for number in _ids(lanelet, attribute))
             line = f"the stop line of {name}"
             for target, attribute in (("traffic light", "traffic_light_ref"), ("traffic sign", "traffic_sign_ref")):
@@ -86,7 +56,7 @@ def dangling_in_network(network: Foreign) -> tuple[str, ...]:
         for intersection in network.intersections:
             for incoming in intersection.incomings:
                 name = f"incoming {incoming.incoming_id} of intersection {intersection.intersection_id}"
-                for attribute in _WAYS_OF_OBJECTS:
+                for attribute in _WAYS:
                     yield from (_Reference(name, "lanelet", number) for number in _ids(incoming, attribute))
 
     return _listed(found(), known)
@@ -97,20 +67,6 @@ def _ids(owner: Foreign, attribute: str) -> list[int]:
     if stated is None:
         return []
     return sorted(int(number) for number in (stated if hasattr(stated, "__iter__") else (stated,)))
-
-
-def _number(text: str | None) -> int | None:
-    try:
-        return int(text or "")
-    except ValueError:
-        return None
-
-
-def _references(owner: str, target: str, elements: Iterable[Element]) -> Iterator[_Reference]:
-    for element in elements:
-        number = _number(element.get("ref"))
-        if number is not None:
-            yield _Reference(owner, target, number)
 
 
 def _listed(found: Iterable[_Reference], known: dict[str, set[int]]) -> tuple[str, ...]:

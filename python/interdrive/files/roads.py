@@ -15,8 +15,8 @@ from interdrive.errors import InputError
 from interdrive.files import document
 from interdrive.files.content import content_of_file
 from interdrive.files.network import add_speed_signs, network_document
-from interdrive.files.numbers import check_adjacency
-from interdrive.files.read import PROTOBUF_ENDINGS, open_protobuf, quiet, read_scenario
+from interdrive.files.protobuf import PROTOBUF_ENDINGS, open_protobuf
+from interdrive.files.read import quiet, read_scenario
 
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
@@ -145,7 +145,6 @@ def _original(scenario: Scenario) -> Element | None:
         if scenario.path.suffix.lower() in PROTOBUF_ENDINGS:
             data = _xml_from_protobuf(scenario.path, data)
         root = document.parse(data, str(scenario.path))
-        check_adjacency(root, str(scenario.path))
         document.drop_dangling_relations(root)
     except (OSError, InputError):
         return None

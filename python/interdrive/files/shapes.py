@@ -14,8 +14,13 @@ import numpy as np
 
 from interdrive.scenario import Shape
 
-#: An object of commonroad-io, which has no types.
+#: An object of commonroad-io, which has no types, or of `elements`, which has the same attributes.
 Foreign = Any
+
+
+def name_of(member: Foreign) -> str:
+    """The name in the format of a member of an enumeration of commonroad-io; text is one."""
+    return str(getattr(member, "value", member))
 
 
 def shape_of(source: Foreign) -> Shape:

@@ -1,6 +1,7 @@
 """All bounds on the contents of a scenario, and the check of a converted scenario against them.
 
-They are narrower than those of the core (`limits.rs`).
+They are narrower than those of the core (`limits.rs`). Those that a document is checked against while it is read are
+defined there (`crates/commonroad/src/limits.rs`, with units and reasons).
 
 The bounds keep time and memory in proportion to the file: a mistyped exponent must not cost gigabytes. They are far
 beyond real maps and recordings, whose lanelets are up to 10 km long and whose recordings have up to 30,000 steps.
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,24 +24,20 @@ if TYPE_CHECKING:
     from interdrive.scenario.model import Lanelets, Obstacles, PlanningProblem, Scenario
     from interdrive.scenario.shape import Shape
 
-#: Ids beyond this are not exact in JSON and in the report.
-LARGEST_ID = 2**53 - 1
-#: Time between steps [s].
-SMALLEST_DT, LARGEST_DT = 1e-3, 10.0
-#: Time steps of states and starts.
-LARGEST_TIME_STEP = 100_000
-#: Time steps of goals: "some time" is often written as the largest 32-bit number.
-LARGEST_GOAL_TIME_STEP = 2**31 - 1
-#: Coordinates beyond this [m] are no place on earth in any projection; larger ones would lose millimetres.
-LARGEST_COORDINATE = 1e9
+LARGEST_ID = _core.LARGEST_ID
+SMALLEST_DT, LARGEST_DT = _core.SMALLEST_DT, _core.LARGEST_DT
+LARGEST_TIME_STEP, LARGEST_GOAL_TIME_STEP = _core.LARGEST_TIME_STEP, _core.LARGEST_GOAL_TIME_STEP
+LARGEST_COORDINATE, LARGEST_ANGLE = _core.LARGEST_COORDINATE, _core.LARGEST_ANGLE
+LARGEST_VELOCITY, LARGEST_ACCELERATION = _core.LARGEST_VELOCITY, _core.LARGEST_ACCELERATION
+LARGEST_YAW_RATE = _core.LARGEST_YAW_RATE
+MOST_LANELETS, MOST_POINTS_OF_A_LANELET = _core.MOST_LANELETS, _core.MOST_POINTS_OF_A_LANELET
+MOST_POINTS, MOST_OBSTACLES = _core.MOST_POINTS, _core.MOST_OBSTACLES
+DEEPEST = _core.DEEPEST
+MOST_STATES, MOST_PROBLEMS, MOST_GOALS = _core.MOST_STATES, _core.MOST_PROBLEMS, 1_000
 #: Lanelets end this far [m] before that, so that agents that drive beyond them still have valid coordinates.
 ROOM_BEYOND_MAP = 1e6
-#: Speeds [m/s], accelerations [m/s²] and yaw rates [rad/s] beyond these are errors of units.
-LARGEST_VELOCITY, LARGEST_ACCELERATION, LARGEST_YAW_RATE = 1e4, 1e7, 1e4
 #: Distance travelled in a recording [m]: an agent's reference path leads through all its positions.
 LONGEST_RECORDING = 1e5
-#: commonroad-io subtracts one turn at a time, which for larger angles [rad] takes for ever.
-LARGEST_ANGLE = 1000.0
 #: Size of a footprint [m]: walls and buildings are obstacles, too.
 SMALLEST_SIZE, LARGEST_FOOTPRINT = 1e-6, 1e5
 #: Speed limits above this [m/s] are probably in a wrong unit and are ignored.
@@ -49,8 +47,6 @@ USUAL_SPEED_LIMIT = 45.0
 
 #: Length of one lanelet, of all lanelets together, and extent of the map along an axis [m].
 LONGEST_LANELET, LONGEST_ROADS, LARGEST_EXTENT = 1e5, 2e6, 1e6
-MOST_LANELETS, MOST_POINTS_OF_A_LANELET, MOST_POINTS = 20_000, 5_000, 500_000
-MOST_OBSTACLES, MOST_STATES, MOST_PROBLEMS, MOST_GOALS = 10_000, 1_000_000, 1_000, 1_000
 #: Counted elements, and advice for too many of them.
 LANELETS, POINTS = ("lanelets", "cut it"), ("points", "cut it")
 POINTS_OF_A_LANELET = ("points on a bound", "thin them out or split it")
@@ -61,8 +57,6 @@ _UNITS = {
 }
 #: Vertices of a footprint and of an area; lanelets are areas, too.
 MOST_VERTICES_OF_A_FOOTPRINT, MOST_VERTICES = 1_000, 2 * MOST_POINTS_OF_A_LANELET
-#: Nesting depth of an XML document.
-DEEPEST = 50
 #: Obstacles times steps of a table; more is a mistyped time step, not a recording.
 LARGEST_TABLE = 5_000_000
 #: Any table may have this many cells; larger ones at most `CELLS_PER_STATE` for every recorded state.

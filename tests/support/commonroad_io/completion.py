@@ -9,9 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping
-
-    from interdrive.files.shapes import Foreign
+    from collections.abc import Iterator
 
 #: Intervals of headings from this width on [rad] hold every heading; decimals of 2 pi are cut in files.
 _ANY_HEADING = 2.0 * math.pi - 1e-4
@@ -58,7 +56,7 @@ def completed_document(root: Element, file: str) -> tuple[str, ...]:
         _complete_heights(lanelet)
     for owner, state in _states(root):
         for heading in state.findall("orientation"):
-            if _is_any(heading):
+            if is_any_heading(heading):
                 if state.tag == "initialState" and owner.tag == "planningProblem":
                     raise InputError(f"{file}: planning problem {owner.get('id')} starts with any heading; state one")
                 state.remove(heading)
@@ -102,70 +100,10 @@ def _states(root: Element) -> Iterator[tuple[Element, Element]]:
             yield from ((owner, state) for state in owner.iterfind(path))
 
 
-def _is_any(heading: Element) -> bool:
+def is_any_heading(heading: Element) -> bool:
+    """Whether a heading is an interval of a full turn or more."""
     try:
         ends = [float(heading.findtext(f"interval{end}", "")) for end in ("Start", "End")]
     except ValueError:
         return False
     return ends[1] - ends[0] >= _ANY_HEADING
-
-
-def completed_messages(
-    roads: Foreign, traffic: Foreign, problems: Foreign, signs: Mapping[str, Collection[str]], file: str
-) -> tuple[str, ...]:
-    """The same for the three messages of a scenario in protobuf, as far as they can lack something.
-
-    A sign that is not in the list of its country is read as an unknown sign.
-
-    Args:
-        roads: Message of the map, changed in place, as are the others.
-        traffic: Message of the traffic.
-        problems: Message of the planning problems; may be empty.
-        signs: Names of the signs of each country that commonroad-io knows.
-        file: Name for messages.
-
-    Returns:
-        Notes on cycles of traffic lights that do not exist, which are left out.
-
-    Raises:
-        InputError: The start of a planning problem has any heading.
-    """
-    place = roads.map_meta_information.map_id
-    if place.country_id not in signs or place.country_id in _WITHOUT_LIMIT:
-        place.country_id = _DEFAULT_COUNTRY
-    known = signs[place.country_id]
-    for sign in roads.traffic_signs:
-        for element in sign.traffic_sign_elements:
-            names = element.DESCRIPTOR.fields_by_name["element_id"].enum_type
-            if names.values_by_number[element.element_id].name not in known:
-                element.element_id = names.values_by_name["UNKNOWN"].number
-    # Values that signs show for a time are never read.
-    traffic.ClearField("traffic_sign_value")
-    for problem in problems.planning_problems:
-        if _is_any_angle(problem.initial_state.orientation):
-            raise InputError(
-                f"{file}: planning problem {problem.planning_problem_id} starts with any heading; state one"
-            )
-        _drop_any_headings(goal.state for goal in problem.goal_states)
-    for obstacle in (*traffic.static_obstacles, *traffic.dynamic_obstacles):
-        _drop_any_headings((obstacle.initial_state,))
-    for obstacle in traffic.dynamic_obstacles:
-        _drop_any_headings(obstacle.trajectory_prediction.trajectory.states)
-    lights = {light.traffic_light_id for light in roads.traffic_lights}
-    lost = [cycle for cycle in traffic.traffic_light_cycle if cycle.traffic_light_id not in lights]
-    for cycle in lost:
-        traffic.traffic_light_cycle.remove(cycle)
-    return tuple(
-        f"a cycle is for traffic light {number}, which does not exist"
-        for number in sorted({cycle.traffic_light_id for cycle in lost})
-    )
-
-
-def _drop_any_headings(states: Iterable[Foreign]) -> None:
-    for state in states:
-        if _is_any_angle(state.orientation):
-            state.ClearField("orientation")
-
-
-def _is_any_angle(angle: Foreign) -> bool:
-    return bool(angle.interval.end - angle.interval.start >= _ANY_HEADING)

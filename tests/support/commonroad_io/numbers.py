@@ -11,8 +11,6 @@ from interdrive.scenario import limits
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-    from interdrive.files.shapes import Foreign
-
 #: Attributes that hold ids.
 _IDS = ("id", "ref", "outgoingId")
 #: Largest absolute value by element; those of `_VALUES` depend on the surrounding element.
@@ -148,37 +146,6 @@ def _check_value(element: Element, most: float, owner: Element, file: str, withi
         raise InputError(f"{file}: {named(owner)} has the orientation {value:g}; give it in radians")
     wanted = f"between {-most:g} and {most:g}" if math.isfinite(value) else "a finite number"
     raise InputError(f"{file}: {named(owner)} has the value {text} in <{within or element.tag}>; it must be {wanted}")
-
-
-def check_message(message: Foreign, file: str) -> None:
-    """Refuses angles in a protobuf message for which commonroad-io would take for ever.
-
-    All other values are checked after the conversion to arrays.
-
-    Args:
-        message: Message of any version of the format.
-        file: Name of the file that it comes from.
-
-    Raises:
-        InputError: One line that names file and field.
-    """
-    waiting: list[tuple[Foreign, str, bool]] = [(message, "", False)]
-    while waiting:
-        owner, name, turns = waiting.pop()
-        for field, value in owner.ListFields():
-            is_angle = turns or "orientation" in field.name or "angle" in field.name
-            is_one = isinstance(value, float | int | str | bytes) or hasattr(value, "ListFields")
-            values = [value] if is_one else value
-            for one in values:
-                if hasattr(one, "ListFields"):
-                    kind = field.name.removesuffix("s")
-                    number = getattr(one, f"{kind}_id", None)
-                    inner = name if number is None else f"{kind.replace('_', ' ')} {number}"
-                    waiting.append((one, inner, is_angle))
-                elif is_angle and isinstance(one, float) and abs(one) > limits.LARGEST_ANGLE:
-                    raise InputError(
-                        f"{file}: {name or owner.DESCRIPTOR.name} has the orientation {one:g}; give it in radians"
-                    )
 
 
 def check_adjacency(root: Element, file: str) -> None:
