@@ -247,7 +247,9 @@ class Scenario:
 @final
 class Goal:
     def __new__(
-        cls, states: Sequence[tuple[Sequence[Shape], tuple[int, int], _Interval | None, _Interval | None]]
+        cls,
+        states: Sequence[tuple[Sequence[Shape], tuple[int, int], _Interval | None, _Interval | None]],
+        pace: float | None = None,
     ) -> Goal: ...
     @property
     def states(self) -> list[tuple[list[_Floats], tuple[int, int], _Interval | None, _Interval | None]]: ...
@@ -309,6 +311,17 @@ class Route:
         *,
         keeps_lane: bool,
         length: float,
+        user: int = ...,
+    ) -> Route: ...
+    @staticmethod
+    def through(
+        road: RoadNetwork,
+        x: float,
+        y: float,
+        orientation: float,
+        velocity: float,
+        lanelet_ids: Sequence[int],
+        goal: Goal,
         user: int = ...,
     ) -> Route: ...
     @property
@@ -606,6 +619,7 @@ class Agent:
         rules: RulesSettings,
         v2x: bool | None = None,
         replays_before: bool = False,
+        queue: tuple[int, int] | None = None,
     ) -> Agent: ...
 
 @final

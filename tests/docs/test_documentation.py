@@ -10,7 +10,7 @@ from interdrive import _core
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "planner_interface.md"
 #: Not for planners: how routes are made, and what travels between processes.
 INTERNAL = {
-    "Route": {"along", "find", "first_state"},
+    "Route": {"through", "along", "find", "first_state"},
     "Vehicle": {"of_type"},
     "Predictions": {"seen_by", "known", "plan_ages", "received"},
 }

@@ -58,8 +58,10 @@ impl Bench {
                 (Pose { position: at.offset(*left), orientation: at.theta }, *speed)
             })
             .collect();
-        let goal =
-            Goal { states: vec![GoalState { areas: vec![], time_step: (0, 500), velocity: None, orientation: None }] };
+        let goal = Goal {
+            states: vec![GoalState { areas: vec![], time_step: (0, 500), velocity: None, orientation: None }],
+            pace: None,
+        };
         let shape = Shape::rectangle(4.5, 1.8);
         let predictions = predictions(&poses);
         let positions: Vec<Point> = poses.iter().map(|(pose, _)| pose.position).collect();

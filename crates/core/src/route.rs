@@ -12,9 +12,9 @@ use crate::geometry::shape::PlacedShape;
 use crate::geometry::{Point, Pose};
 use crate::road::{LaneMatch, RoadNetwork};
 use crate::vehicle::ParticipantKind;
-pub use along::route_along;
+pub use along::{route_along, route_through};
 use corridor::{Corridor, Stretch};
-use search::Step;
+use search::{GoalPlace, Step};
 
 /// Spacing [m] at which a path is tested for being inside a goal area.
 const GOAL_SAMPLING: f64 = 0.1;
@@ -187,6 +187,18 @@ pub fn find_route(
             search(&best).or_else(|error| if best.len() < starts.len() { search(&starts) } else { Err(error) })?;
         (found.steps, found.start_s, Some(found.goal))
     };
+    over(road, (start, velocity), start_s, steps, (goal, goal_areas), settings)
+}
+
+/// The route over steps from a pose at an arc length of the first one [m] to a place, if there is one, with these areas.
+fn over(
+    road: &RoadNetwork,
+    (start, velocity): (Pose, f64),
+    start_s: f64,
+    steps: Vec<Step>,
+    (goal, goal_areas): (Option<GoalPlace>, &[PlacedShape]),
+    settings: &RouteSettings,
+) -> Result<Route> {
     let blend_length = (settings.lane_change_time * velocity.max(0.0)).max(settings.lane_change_length_min);
     let corridor = Corridor::along(road, &steps, start_s, goal.as_ref(), blend_length, settings);
     let path = ReferencePath::through(&corridor.points)?;

@@ -31,6 +31,8 @@ pub struct GoalState {
 pub struct Goal {
     /// The alternatives.
     pub states: Vec<GoalState>,
+    /// Speed that the agent wants on its way, however much time it has [m/s]; `None`: what the time demands.
+    pub pace: Option<f64>,
 }
 
 impl GoalState {

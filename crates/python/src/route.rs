@@ -5,7 +5,7 @@ use std::sync::Arc;
 use interdrive_core::geometry::shape::PlacedShape;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::road::RoadNetwork;
-use interdrive_core::route::{Route, RouteSettings, find_route, route_along};
+use interdrive_core::route::{Route, RouteSettings, find_route, route_along, route_through};
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::start::first_state;
 use interdrive_core::trajectory::State;
@@ -32,7 +32,8 @@ type Stated<'py> = (Vec<Bound<'py, PyAny>>, (i64, i64), Option<Interval>, Option
 #[pymethods]
 impl PyGoal {
     #[new]
-    fn new(states: Vec<Alternative<'_>>) -> Self {
+    #[pyo3(signature = (states, pace=None))]
+    fn new(states: Vec<Alternative<'_>>, pace: Option<f64>) -> Self {
         let placed = |shape: &PyRef<'_, PyShape>| PlacedShape { shape: shape.0.clone(), pose: Pose::default() };
         let states = states
             .into_iter()
@@ -43,7 +44,7 @@ impl PyGoal {
                 orientation,
             })
             .collect();
-        Self(Goal { states })
+        Self(Goal { states, pace })
     }
 
     fn __repr__(&self) -> String {
@@ -153,6 +154,33 @@ impl PyRoute {
         let user = ParticipantKind::from_code(user).map_err(exception)?;
         let settings = RouteSettings { user, free_length: length, ..RouteSettings::default() };
         let route = detached(py, || route_along(&network, start, velocity, &track, keeps_lane, &settings))?;
+        Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
+    }
+
+    /// Route and reference path from a pose over given lanelets, each a successor of the one before or beside it, to the end
+    /// of the last one, where the areas of the goal are, for a kind of participant, given by its code; raises `NoRouteError`.
+    #[staticmethod]
+    #[pyo3(signature = (road, x, y, orientation, velocity, lanelet_ids, goal, user = ParticipantKind::Car as i64))]
+    fn through(
+        py: Python<'_>,
+        road: &PyRoadNetwork,
+        x: f64,
+        y: f64,
+        orientation: f64,
+        velocity: f64,
+        lanelet_ids: Vec<i64>,
+        goal: &PyGoal,
+        user: i64,
+    ) -> PyResult<Self> {
+        let areas: Vec<PlacedShape> = goal.0.states.iter().flat_map(|state| state.areas.iter().cloned()).collect();
+        let network = Arc::clone(&road.0);
+        let index =
+            |id: &i64| network.index_of(*id).ok_or_else(|| InputError::new_err(format!("there is no lanelet {id}")));
+        let lanelets = lanelet_ids.iter().map(index).collect::<PyResult<Vec<usize>>>()?;
+        let start = Pose::new(x, y, orientation);
+        let user = ParticipantKind::from_code(user).map_err(exception)?;
+        let settings = RouteSettings { user, ..RouteSettings::default() };
+        let route = detached(py, || route_through(&network, start, velocity, &lanelets, &areas, &settings))?;
         Ok(Self { route: Arc::new(route), road: Arc::clone(&road.0) })
     }
 

@@ -12,7 +12,7 @@ use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, Clock, Step, World, WorldSettings};
+use interdrive_core::world::{Agent, Clock, Queue, Step, World, WorldSettings};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -45,7 +45,7 @@ impl PyAgent {
     #[new]
     #[pyo3(signature = (
         id, kind, shape, vehicle, initial_state, start_time_step, goal, route, planner, view, rules, v2x=None,
-        replays_before=false
+        replays_before=false, queue=None
     ))]
     fn new(
         id: i64,
@@ -61,6 +61,7 @@ impl PyAgent {
         rules: &Bound<'_, PyAny>,
         v2x: Option<bool>,
         replays_before: bool,
+        queue: Option<(i64, i64)>,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
         Ok(Self(Agent {
@@ -71,6 +72,7 @@ impl PyAgent {
             initial_state: State { x, y, orientation, velocity, acceleration, yaw_rate },
             start_time_step,
             replays_before,
+            queue: queue.map(|(lane, until)| Queue { lane, until }),
             goal: goal.0.clone(),
             route: Arc::clone(&route.route),
             planner: planner.map_or(Planner::External, |planner| planner.0.clone()),

@@ -50,7 +50,7 @@ impl World {
         let start = Pose { position: moved(Point::new(20.0, 0.0), turn, shift), orientation: turn };
         let areas: Vec<_> = state.areas.clone();
         let route = find_route(&road, start, 10.0, &areas, &RouteSettings::default()).expect("a straight road");
-        Self { road, route, goal: Goal { states: vec![state] }, turn, shift }
+        Self { road, route, goal: Goal { states: vec![state], pace: None }, turn, shift }
     }
 
     fn state(&self, x: f64, y: f64, orientation: f64, velocity: f64, yaw_rate: f64) -> State {

@@ -43,6 +43,9 @@ pub(super) fn desired(
     let Some(goal) = request.goal.states.iter().max_by_key(|state| state.time_step.1) else {
         return (velocity, None);
     };
+    if let Some(pace) = request.goal.pace {
+        return (pace, None);
+    }
     let goal_velocity = goal.velocity.map(|(low, high)| (0.5 * (low + high)).max(0.0));
     let onwards = goal_velocity.unwrap_or(velocity.max(cruise_velocity_min));
     let (entry, exit) = (request.route.goal_entry_s, request.route.goal_exit_s);

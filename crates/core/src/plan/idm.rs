@@ -61,7 +61,11 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     let wish = settings.goal_velocity(request, &start);
     let limit = |s: f64| request.rules.way.limits.at(s);
     let law = &settings.law;
-    let free = |profile: &SpeedProfile, s: f64, velocity: f64| law.free(velocity, wish.min(profile.at(s)));
+    let has_pace = request.goal.pace.is_some();
+    let free = |profile: &SpeedProfile, s: f64, velocity: f64| {
+        let braking = if has_pace { profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
+        law.free(velocity, wish.min(profile.at(s))).min(braking)
+    };
     let following = Following { law, lateral_acceleration: settings.lateral_acceleration, noise: settings.wavering() };
     follow_path(request, &following, start, (limit, free), memory)
 }

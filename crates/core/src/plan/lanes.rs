@@ -93,9 +93,9 @@ pub struct Lanes {
 
 /// Number of lane changes that are missing from every lanelet to the goal; `usize::MAX` if it cannot be reached.
 ///
-/// Without a place as goal, the goal is where the map ends.
+/// Without a place as goal, the goal is where the map ends. A goal that `leaves` the map there counts in every lane.
 /// Only lanelets that the route's user may use count.
-fn missing_changes(road: &RoadNetwork, route: &Route, goal: Option<usize>) -> Vec<usize> {
+fn missing_changes(road: &RoadNetwork, route: &Route, goal: Option<usize>, leaves: bool) -> Vec<usize> {
     let lanelets = road.lanelets();
     let mut changes = vec![usize::MAX; lanelets.len()];
     let mut queue = VecDeque::new();
@@ -106,8 +106,15 @@ fn missing_changes(road: &RoadNetwork, route: &Route, goal: Option<usize>) -> Ve
     };
     let ends = |i: usize| lanelets[i].successors.iter().all(|next| !may_use[*next]);
     let map_ends = |i: usize| may_use[i] && ends(i) && neighbours(i).all(ends);
+    let mut goals = Vec::from_iter(goal);
+    let mut at = 0;
+    while leaves && at < goals.len() && map_ends(goals[at]) {
+        let beside: Vec<usize> = neighbours(goals[at]).filter(|i| !goals.contains(i)).collect();
+        goals.extend(beside);
+        at += 1;
+    }
     for (i, changes) in changes.iter_mut().enumerate() {
-        if goal.map_or_else(|| map_ends(i), |goal| goal == i) {
+        if goal.map_or_else(|| map_ends(i), |_| goals.contains(&i)) {
             *changes = 0;
             queue.push_back(i);
         }
@@ -146,7 +153,8 @@ impl Lanes {
                 for (beside, same) in [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten() {
                     let is_new =
                         same && route.may_use(road, beside) && !chains.iter().any(|chain| chain.contains(&beside));
-                    if is_new && chains.len() < LANES_MAX {
+                    let leads_on = !ends.leaves || ends.changes[beside] != usize::MAX;
+                    if is_new && leads_on && chains.len() < LANES_MAX {
                         chains.push(chain(road, beside, (&[], &[]), &ends));
                     }
                 }
@@ -185,6 +193,8 @@ struct Ends {
     goal_place: Option<Point>,
     /// From the start on [m].
     length: f64,
+    /// The goal is to leave the map: lanes that lead elsewhere do not count.
+    leaves: bool,
 }
 
 impl Ends {
@@ -193,11 +203,13 @@ impl Ends {
         let last = goal.states.iter().max_by_key(|state| state.time_step.1);
         let has_place = last.is_some_and(|state| !state.areas.is_empty());
         let goal_lanelet = route.lanelets.last().copied().filter(|_| has_place);
+        let leaves = has_place && goal.pace.is_some();
         Self {
-            changes: missing_changes(&scenario.road, route, goal_lanelet),
+            changes: missing_changes(&scenario.road, route, goal_lanelet, leaves),
             start: route.path.at(route.start_s).position,
             goal_place: has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position),
             length: if has_place { route.path.length() + LANE_EXTENSION } else { FREE_LENGTH },
+            leaves,
         }
     }
 }
@@ -403,7 +415,10 @@ mod tests {
         let areas = vec![PlacedShape { shape: Shape::rectangle(10.0, 3.0), pose }];
         let route =
             find_route(&road, Pose::new(20.0, 0.0, 0.0), 10.0, &areas, &RouteSettings::default()).expect("a route");
-        let goal = Goal { states: vec![GoalState { areas, time_step: (0, 100), velocity: None, orientation: None }] };
+        let goal = Goal {
+            states: vec![GoalState { areas, time_step: (0, 100), velocity: None, orientation: None }],
+            pace: None,
+        };
         let scenario = Scenario::new(0.1, Arc::new(road), Obstacles::default()).expect("a scenario");
         let lanes = Lanes::along(&route, &goal, &scenario, &RulesSettings::default()).expect("lanes");
         (scenario.road, lanes)

@@ -102,8 +102,11 @@ pub(super) fn plan(
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
     let (need, noise) = (lane.need(start.s), settings.idm.wavering());
+    let has_pace = request.goal.pace.is_some();
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
+        let braking = if has_pace { speed_profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
+        let free = free.min(braking);
         let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
         let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration)
             .min(0.0);

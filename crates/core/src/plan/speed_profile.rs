@@ -72,6 +72,17 @@ impl SpeedProfile {
         }
     }
 
+    /// Acceleration that brings an agent down to what is allowed ahead in time [m/s²]; infinite while it need not brake. The
+    /// car-following model alone comes to bends too fast: it brakes the less, the nearer it is to its desired speed.
+    pub(super) fn braking(&self, s: f64, velocity: f64, deceleration: f64) -> f64 {
+        /// It follows falling speeds with this lag [s], ...
+        const LAG: f64 = 1.0;
+        /// ... and brakes with at most so many times the comfortable deceleration.
+        const HARDEST: f64 = 2.0;
+        let ahead = self.at(s + velocity * LAG);
+        if ahead < velocity { ((ahead - velocity) / LAG).max(-HARDEST * deceleration) } else { f64::INFINITY }
+    }
+
     /// Largest speed at an arc length [m/s].
     pub(super) fn at(&self, s: f64) -> f64 {
         let along = ((s - self.from) / SPACING).clamp(0.0, (self.values.len() - 1) as f64);
@@ -98,6 +109,19 @@ mod tests {
         assert!((profile.at(75.0) - bend).abs() < 0.2, "{}", profile.at(75.0));
         // 40 m before the bend: sqrt(40 + 2 * 1.5 * 40)
         assert!((profile.at(20.0) - 160_f64.sqrt()).abs() < 0.6, "{}", profile.at(20.0));
+    }
+
+    #[test]
+    fn braking_follows_a_falling_profile_without_lag() {
+        let mut points = straight((0.0, 0.0), (60.0, 0.0));
+        points.extend(arc((60.0, 20.0), 20.0, -std::f64::consts::FRAC_PI_2, 0.0).into_iter().skip(1));
+        let path = ReferencePath::through(&points).expect("a path");
+        let mut profile = SpeedProfile::default();
+        profile.fill(&path, (&SpeedLimits::default(), 0.0), (0.0, 90.0), 2.0, 1.5);
+        let braking = profile.braking(20.0, profile.at(20.0), 1.5);
+        assert!((braking + 1.5).abs() < 0.15, "{braking}");
+        assert_eq!(profile.braking(0.0, 5.0, 1.5), f64::INFINITY);
+        assert_eq!(profile.braking(40.0, 30.0, 1.5), -3.0);
     }
 
     #[test]

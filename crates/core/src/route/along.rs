@@ -1,12 +1,12 @@
 //! The route of a vehicle that is told its turns: along its lane, at forks as a track goes.
 
-use super::corridor::Corridor;
-use super::search::{Step, best_starts};
-use super::{Route, RouteSettings, near_hint, pieces};
+use super::search::{GoalPlace, Step, best_starts};
+use super::{Route, RouteSettings, over};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::geometry::Pose;
-use crate::geometry::polyline::{Polyline, ReferencePath};
+use crate::geometry::polyline::Polyline;
+use crate::geometry::shape::PlacedShape;
 use crate::limits::LANELET_CHAIN_MAX;
 use crate::road::RoadNetwork;
 
@@ -14,6 +14,8 @@ use crate::road::RoadNetwork;
 const BEYOND_FORK_MIN: f64 = 3.0;
 /// Points of a track that are nearer than this to a fork's branches in length tell which one is taken [m].
 const COMPARED_LENGTH: f64 = 40.0;
+/// The goal at the end of a route is so long where the path is extended beyond it [m].
+const GOAL_LENGTH: f64 = 10.0;
 
 /// The route along the lane of the start, `settings.free_length` long if the road is. At a fork it takes the branch that is
 /// nearest to the track, or the straightest one where the track ends before. It changes lanes as the track does, or, if it
@@ -42,19 +44,54 @@ pub fn route_along(
     let first = chosen(road, &candidates, track, 0);
     let start_s = best.iter().find(|found| found.lanelet == first).map_or(0.0, |found| found.s);
     let steps = steps_from(road, (first, start_s), track, keeps_lane, settings);
-    let blend_length = (settings.lane_change_time * velocity.max(0.0)).max(settings.lane_change_length_min);
-    let corridor = Corridor::along(road, &steps, start_s, None, blend_length, settings);
-    let path = ReferencePath::through(&corridor.points)?;
-    Ok(Route {
-        pieces: pieces(&path, &corridor, road),
-        start_s: near_hint(&path, start.position, corridor.start_hint),
-        goal_entry_s: f64::NAN,
-        goal_exit_s: f64::NAN,
-        lane_changes: steps.iter().filter(|step| step.is_change).count(),
-        lanelets: steps.into_iter().map(|step| step.lanelet).collect(),
-        path,
-        user: settings.user,
-    })
+    without_goal(road, (start, velocity), start_s, steps, settings)
+}
+
+/// The route over given lanelets, each a successor of the one before or beside it, from a pose on the first one to the end
+/// of the last one, where its goal is if there are areas.
+///
+/// # Errors
+/// `NoRoute` without lanelets, or if one leads on from none before it.
+pub fn route_through(
+    road: &RoadNetwork,
+    start: Pose,
+    velocity: f64,
+    lanelets: &[usize],
+    goal_areas: &[PlacedShape],
+    settings: &RouteSettings,
+) -> Result<Route> {
+    let Some(first) = lanelets.first() else { return Err(Error::NoRoute("a route needs a lanelet".into())) };
+    let mut steps = vec![Step::ahead(*first)];
+    for pair in lanelets.windows(2) {
+        let own = &road.lanelets()[pair[0]];
+        let is_ahead = road.successors_straightest_first(pair[0]).contains(&pair[1]);
+        if !is_ahead && ![own.adjacent_left, own.adjacent_right].contains(&Some((pair[1], true))) {
+            let [from, to] = [pair[0], pair[1]].map(|lanelet| road.lanelets()[lanelet].id);
+            return Err(Error::NoRoute(format!("lanelet {from} does not lead to lanelet {to}")));
+        }
+        steps.push(Step { lanelet: pair[1], is_change: !is_ahead });
+    }
+    let center = &road.lanelets()[*first].center;
+    let start_s = center.project_between(start.position, 0.0, center.length()).s;
+    let last = lanelets[lanelets.len() - 1];
+    let exit = road.lanelets()[last].length;
+    let entry = (exit - GOAL_LENGTH).max(0.0);
+    let goal = GoalPlace { lanelet: last, entry, exit, offset: 0.0, is_aside: false };
+    if goal_areas.is_empty() {
+        return without_goal(road, (start, velocity), start_s, steps, settings);
+    }
+    over(road, (start, velocity), start_s, steps, (Some(goal), goal_areas), settings)
+}
+
+/// The route over steps from a pose at an arc length of the first one [m].
+fn without_goal(
+    road: &RoadNetwork,
+    (start, velocity): (Pose, f64),
+    start_s: f64,
+    steps: Vec<Step>,
+    settings: &RouteSettings,
+) -> Result<Route> {
+    over(road, (start, velocity), start_s, steps, (None, &[]), settings)
 }
 
 fn admits(road: &RoadNetwork, lanelet: usize, settings: &RouteSettings) -> bool {

@@ -46,9 +46,9 @@ pub(super) struct GoalPlace {
     pub(super) entry: f64,
     pub(super) exit: f64,
     /// Distance of the area's centre from the centre line [m].
-    offset: f64,
+    pub(super) offset: f64,
     /// The area is another lanelet, which this one overlaps.
-    is_aside: bool,
+    pub(super) is_aside: bool,
 }
 
 /// What the search finds.

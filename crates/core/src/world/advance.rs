@@ -333,12 +333,16 @@ impl World {
             }
         }
         for drive in &mut self.drives {
-            if drive.agent.start_time_step == time_step && drive.outcome.kind == OutcomeKind::Running {
+            if drive.agent.start_time_step == time_step
+                && drive.outcome.kind == OutcomeKind::Running
+                && drive.agent.queue.is_none()
+            {
                 self.states[drive.row] = Some(drive.agent.initial_state);
                 drive.was_on_road = self.scenario.road.covers(&drive.agent.shape, drive.agent.initial_state.pose());
                 entered.push(drive.row);
             }
         }
+        self.enter_from_queues(time_step, &mut entered);
         for row in entered {
             self.note_contacts_of(row);
         }

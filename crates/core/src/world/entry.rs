@@ -1,10 +1,11 @@
-//! Agents that enter a world in which others have not driven as recorded: they wait for room.
+//! Agents that enter a world in which others have not driven as recorded: they wait for room, or in a queue for a gap.
 
 use std::sync::Arc;
 
-use super::World;
+use super::{Agent, Drive, World};
 use crate::conduct::FIRM_DECELERATION;
-use crate::geometry::wrap_angle;
+use crate::geometry::shape::Shape;
+use crate::geometry::{Pose, wrap_angle};
 use crate::recording::OutcomeKind;
 use crate::trajectory::State;
 
@@ -14,6 +15,30 @@ const LEADER_WIDTHS: f64 = 0.4;
 const LEADER_ANGLE: f64 = 0.6;
 /// ... and is nearer than this [m].
 const LEADER_DISTANCE: f64 = 100.0;
+/// From a queue an agent enters this far [s] ...
+const HEADWAY: f64 = 1.0;
+/// ... and so much besides [m] behind the vehicle ahead, with the way that both need to brake firmly to a stop; ...
+const GAP: f64 = 2.0;
+/// ... looks so far ahead [m], more than anybody needs for that; ...
+const SIGHT: f64 = 300.0;
+/// ... and a little more along the way, which may bend [m]; ...
+const SIGHT_MARGIN: f64 = 10.0;
+/// ... counts those in its lane that come nearer than this to its sides [m]; ...
+const BESIDE: f64 = 0.3;
+/// ... and enters no slower than this [m/s] and than this share of the speed of the vehicle ahead, unless it wants to be
+/// slower: whoever enters more slowly slows down the whole queue.
+const ENTRY_VELOCITY: f64 = 1.0;
+const LEADER_SHARE: f64 = 0.9;
+
+/// Where agents wait for a gap before they enter, one after the other in the order of their time and id. Each enters at
+/// the largest speed up to that of its initial state at which neither it nor the vehicle behind has to brake firmly.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Queue {
+    /// Number of the queue; at each time step at most one of its agents enters.
+    pub lane: i64,
+    /// Last time step at which it may enter.
+    pub until: i64,
+}
 
 impl World {
     /// Agents that would enter at this time step, but find no room, enter one time step later, or not at all once they have
@@ -25,7 +50,9 @@ impl World {
         }
         for index in 0..self.drives.len() {
             let drive = &self.drives[index];
-            let enters = drive.agent.start_time_step == time_step && drive.outcome.kind == OutcomeKind::Running;
+            let enters = drive.agent.start_time_step == time_step
+                && drive.outcome.kind == OutcomeKind::Running
+                && drive.agent.queue.is_none();
             let was_there = drive.replayed.is_some() && self.states[drive.row].is_some();
             if !enters || was_there || self.has_room(index) {
                 continue;
@@ -41,6 +68,86 @@ impl World {
                 drive.outcome.message = format!("found no room to enter within {most} s");
             }
         }
+    }
+
+    /// Lets agents in at the heads of queues that find a gap. All others wait for one more time step, and so does the time
+    /// of their goals; once it is too late they do not enter at all.
+    pub(super) fn enter_from_queues(&mut self, time_step: i64, entered: &mut Vec<usize>) {
+        let mut blocked: Vec<i64> = Vec::new();
+        for index in 0..self.drives.len() {
+            let drive = &self.drives[index];
+            let Some(queue) = drive.agent.queue else { continue };
+            if drive.agent.start_time_step != time_step || drive.outcome.kind != OutcomeKind::Running {
+                continue;
+            }
+            let velocity = if blocked.contains(&queue.lane) { None } else { self.entry_velocity(index) };
+            blocked.push(queue.lane);
+            let drive = &mut self.drives[index];
+            if let Some(velocity) = velocity {
+                let agent = Arc::make_mut(&mut drive.agent);
+                agent.initial_state.velocity = velocity;
+                let center = drive.s + agent.vehicle.rear_axle_to_center;
+                agent.initial_state.yaw_rate = velocity * agent.route.path.at(center).curvature;
+                let state = agent.initial_state;
+                drive.was_on_road = self.scenario.road.covers(&agent.shape, state.pose());
+                self.states[drive.row] = Some(state);
+                entered.push(drive.row);
+            } else if time_step < queue.until {
+                drive.waited += 1;
+                let agent = Arc::make_mut(&mut drive.agent);
+                agent.start_time_step += 1;
+                for goal in &mut agent.goal.states {
+                    goal.time_step = (goal.time_step.0 + 1, goal.time_step.1 + 1);
+                }
+            } else {
+                let waited = drive.waited as f64 * self.scenario.dt;
+                drive.outcome.kind = OutcomeKind::TimeLimit;
+                drive.outcome.time_step = time_step;
+                drive.outcome.message = format!("found no room to enter within {waited:.1} s");
+            }
+        }
+    }
+
+    /// The speed at which an agent at the head of a queue enters now [m/s]; `None` without a gap.
+    fn entry_velocity(&self, index: usize) -> Option<f64> {
+        let Drive { agent, row, s, .. } = &self.drives[index];
+        let Agent { vehicle, route, .. } = &**agent;
+        let own = agent.initial_state;
+        let (pose, wish) = (own.pose(), own.velocity);
+        let room = Shape::rectangle(vehicle.length + 2.0 * GAP, vehicle.width);
+        let center = s + vehicle.rear_axle_to_center;
+        let (mut least, mut most) = (0.0_f64, wish);
+        let mut leader = (f64::INFINITY, ENTRY_VELOCITY);
+        for (other, state) in self.states.iter().enumerate() {
+            let Some(state) = state.filter(|_| other != *row) else { continue };
+            let place = state.pose();
+            let away = place.position.distance(pose.position);
+            if away > SIGHT || self.participants.storeys.are_apart(pose, place) {
+                continue;
+            }
+            let shape = &self.participants.shape[other];
+            if room.overlaps(pose, shape, place) {
+                return None;
+            }
+            let extent = shape.aabb(Pose::default());
+            let (length, width) = (extent.max.x - extent.min.x, extent.max.y - extent.min.y);
+            let (lengths, widths) = (vehicle.length + length, vehicle.width + width);
+            if let Some(distance) = leading(&state, &own, widths, SIGHT) {
+                let behind = state.velocity.max(0.0);
+                least = least.max(leader_velocity(distance - 0.5 * lengths, behind)?);
+            }
+            let window = 1.5 * away + SIGHT_MARGIN;
+            let Some((at, beside)) = route.path.project_near(place.position, center, window) else { continue };
+            if at > center && beside.abs() < 0.5 * widths + BESIDE {
+                let turn = place.orientation - route.path.at(at).theta;
+                let ahead = (state.velocity * turn.cos()).max(0.0);
+                most = most.min(follower_velocity(at - center - 0.5 * lengths, ahead));
+                if at < leader.0 {
+                    leader = (at, (LEADER_SHARE * ahead).max(ENTRY_VELOCITY));
+                }
+            }
+        }
+        (most >= least.max(wish.min(leader.1))).then_some(most)
     }
 
     /// The agent overlaps no participant in its first state, and can follow the vehicle ahead.
@@ -60,7 +167,9 @@ impl World {
             }
             let extent = shape.aabb(crate::geometry::Pose::default());
             let (length, width) = (extent.max.x - extent.min.x, extent.max.y - extent.min.y);
-            let Some(distance) = leading(&own, other, agent.vehicle.width + width) else { return true };
+            let Some(distance) = leading(&own, other, agent.vehicle.width + width, LEADER_DISTANCE) else {
+                return true;
+            };
             let closing = own.velocity - other.velocity * (other.orientation - own.orientation).cos();
             let gap = distance - half - 0.5 * length;
             closing <= 0.0 || gap > 0.0 && closing * closing <= 2.0 * FIRM_DECELERATION * gap
@@ -68,15 +177,34 @@ impl World {
     }
 }
 
-/// How far a vehicle is ahead along the way of another one [m], if it leads; `widths` is the sum of both [m].
-fn leading(own: &State, other: &State, widths: f64) -> Option<f64> {
+/// Largest speed [m/s] behind a vehicle with a speed [m/s] at a gap [m] that needs no firm braking after the headway.
+fn follower_velocity(gap: f64, leader: f64) -> f64 {
+    let even = gap - GAP;
+    if even <= leader * HEADWAY {
+        return even / HEADWAY;
+    }
+    // gap = GAP + v HEADWAY + (v² - leader²) / (2 b)
+    let lag = FIRM_DECELERATION * HEADWAY;
+    (lag * lag + leader * leader + 2.0 * FIRM_DECELERATION * even).sqrt() - lag
+}
+
+/// Least speed [m/s] before a vehicle with a speed [m/s] at a gap [m] behind which that needs no firm braking; `None`: at
+/// none.
+fn leader_velocity(gap: f64, follower: f64) -> Option<f64> {
+    let spare = gap - GAP - follower * HEADWAY;
+    (spare >= 0.0).then(|| (follower * follower - 2.0 * FIRM_DECELERATION * spare).max(0.0).sqrt())
+}
+
+/// How far a vehicle is ahead along the way of another one [m], if it leads and is nearer than `most` [m]; `widths` is the
+/// sum of both [m].
+fn leading(own: &State, other: &State, widths: f64, most: f64) -> Option<f64> {
     let (dx, dy) = (other.x - own.x, other.y - own.y);
     let (sin, cos) = own.orientation.sin_cos();
     let (along, across) = (dx * cos + dy * sin, dy * cos - dx * sin);
     let turn = wrap_angle(other.orientation - own.orientation);
     // On an arc the way bends aside by half the angle.
     let beside = (across - 0.5 * along * turn).abs();
-    let leads = along > 0.0 && along < LEADER_DISTANCE && turn.abs() < LEADER_ANGLE && beside < LEADER_WIDTHS * widths;
+    let leads = along > 0.0 && along < most && turn.abs() < LEADER_ANGLE && beside < LEADER_WIDTHS * widths;
     leads.then_some(along)
 }
 
@@ -92,9 +220,27 @@ mod tests {
     fn a_vehicle_ahead_on_a_bend_leads_and_one_in_the_next_lane_does_not() {
         let angle: f64 = 40.0 / 200.0;
         let on_arc = at(200.0 * angle.sin(), 200.0 * (1.0 - angle.cos()), angle);
-        assert!(leading(&at(0.0, 0.0, 0.0), &on_arc, 3.6).is_some());
+        assert!(leading(&at(0.0, 0.0, 0.0), &on_arc, 3.6, LEADER_DISTANCE).is_some());
         let beside = at((200.0 - 3.5) * angle.sin(), 200.0 - (200.0 - 3.5) * angle.cos(), angle);
-        assert!(leading(&at(0.0, 0.0, 0.0), &beside, 3.6).is_none());
-        assert!(leading(&at(0.0, 0.0, 0.0), &at(-10.0, 0.0, 0.0), 3.6).is_none());
+        assert!(leading(&at(0.0, 0.0, 0.0), &beside, 3.6, LEADER_DISTANCE).is_none());
+        assert!(leading(&at(0.0, 0.0, 0.0), &at(-10.0, 0.0, 0.0), 3.6, LEADER_DISTANCE).is_none());
+    }
+
+    #[test]
+    fn behind_a_vehicle_the_entry_speed_leaves_headway_gap_and_the_way_to_brake() {
+        for (gap, leader) in [(12.0, 15.0), (30.0, 0.0), (60.0, 10.0), (200.0, 20.0)] {
+            let v = follower_velocity(gap, leader);
+            let needed = GAP + v * HEADWAY + (v * v - leader * leader).max(0.0) / (2.0 * FIRM_DECELERATION);
+            assert!((needed - gap).abs() < 1e-9, "{v} m/s");
+        }
+        assert!(follower_velocity(1.0, 20.0) < 0.0);
+    }
+
+    #[test]
+    fn before_a_vehicle_the_entry_speed_is_what_that_one_can_adapt_to() {
+        // 20² - 2 · 4 · (52 - 2 - 20)
+        assert!((leader_velocity(52.0, 20.0).expect("room") - 160_f64.sqrt()).abs() < 1e-9);
+        assert_eq!(leader_velocity(80.0, 20.0), Some(0.0));
+        assert_eq!(leader_velocity(21.0, 20.0), None);
     }
 }

@@ -41,6 +41,7 @@ use crate::scene::{Participants, Scene, ViewLimits};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
+pub use entry::Queue;
 pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
 pub(crate) use staging::check_agents;
@@ -67,6 +68,8 @@ pub struct Agent {
     pub start_time_step: i64,
     /// Until then its recording is replayed; otherwise it is absent.
     pub replays_before: bool,
+    /// The queue before the map in which it waits for a gap; `None`: it enters at its time.
+    pub queue: Option<Queue>,
     /// What it wants.
     pub goal: Goal,
     /// How to get there.

@@ -4,6 +4,7 @@ mod contacts;
 mod cooperation;
 mod goals;
 mod plans;
+mod queues;
 
 use super::*;
 use crate::geometry::Pose;
@@ -47,7 +48,8 @@ fn agent(id: i64, initial_state: State, goals: Vec<GoalState>) -> Agent {
         initial_state,
         start_time_step: 0,
         replays_before: false,
-        goal: Goal { states: goals },
+        queue: None,
+        goal: Goal { states: goals, pace: None },
         route: Arc::new(route),
         planner: Planner::External,
         view: ViewLimits::default(),

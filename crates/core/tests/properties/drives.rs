@@ -147,7 +147,7 @@ fn goal(source: &mut Source, scenario: &Scenario, start: Pose) -> Goal {
             orientation,
         }
     };
-    Goal { states: (0..n).map(|_| alternative()).collect() }
+    Goal { states: (0..n).map(|_| alternative()).collect(), pace: None }
 }
 
 /// An agent, if there is a route for it; otherwise the reason was text. Some stand in for a recorded obstacle.
@@ -184,6 +184,7 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         initial_state: state,
         start_time_step,
         replays_before: false,
+        queue: None,
         goal,
         route: Arc::new(route),
         planner: planner(source, is_recorded),
