@@ -10,7 +10,11 @@ from interdrive._core import Predictions as Predictions, Scene as Scene, View as
 from interdrive.batches import batch as batch, read_batch as read_batch
 from interdrive.benchmarks import Benchmark as Benchmark, benchmark as benchmark
 from interdrive.config.agent_config import PlannersSpec as PlannersSpec, ViewsSpec as ViewsSpec
-from interdrive.config.schema import SettingsSpec as SettingsSpec, SimulationSettings as SimulationSettings
+from interdrive.config.schema import (
+    SettingsSpec as SettingsSpec,
+    SimulationSettings as SimulationSettings,
+    TrafficSpec as TrafficSpec,
+)
 from interdrive.config.styles import STYLES as STYLES
 from interdrive.config.specs import PlannerSpec as PlannerSpec, PredictorSpec as PredictorSpec
 from interdrive.errors import (
@@ -72,3 +76,4 @@ from interdrive.scoring import Score as Score, ScoringSettings as ScoringSetting
 from interdrive.simulation import Simulation as Simulation, simulate as simulate
 from interdrive.studies import CaseStudy as CaseStudy, case_study as case_study
 from interdrive.traffic_realism import Realism as Realism, realism as realism
+from interdrive.traffic.settings import TrafficSettings as TrafficSettings

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+import numpy as np
+
 from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored, temperament
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import DEFAULT_PLANNER
-from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of
+from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of, with_traffic
 from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
@@ -23,6 +26,7 @@ from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.run import Plans, Views
 from interdrive.run.assemble import agent_record, digest, hits_of, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
+from interdrive.run.flows import demand_of
 from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog, ProfileLog
 from interdrive.run.orders import orders_of
@@ -33,17 +37,19 @@ from interdrive.scenario import Scenario, SourceOptions
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
 from interdrive.scoring.hits import hits_among
+from interdrive.traffic import Generated, entered_at, generated, map_alone
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence, Set
 
     from interdrive.config.agent_config import PlannersSpec, RulesSpec, V2xSpec, ViewsSpec
-    from interdrive.config.schema import SettingsSpec
+    from interdrive.config.schema import SettingsSpec, TrafficSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
-    from interdrive.run import Orders, Outcomes, RunSettings, States
+    from interdrive.run import Demand, Orders, Outcomes, RunSettings, States
+    from interdrive.scenario.agents import Agent
     from interdrive.scoring.hits import Hit
 
 T = TypeVar("T")
@@ -70,6 +76,7 @@ class Simulation:
         rules: RulesSpec | None = None,
         v2x: V2xSpec | None = None,
         settings: SettingsSpec | None = None,
+        traffic: TrafficSpec | None = None,
         seed: int = 0,
         threads: int | None = None,
         on_planner_error: Literal["end_agent", "raise"] = "end_agent",
@@ -79,7 +86,8 @@ class Simulation:
         Args:
             scenario: See `interdrive.ScenarioSpec`.
             agents: "all", "reachable" (see `reachable_agents`), "problems", a number, or ids; see
-                `interdrive.scenario.agents.select`.
+                `interdrive.scenario.agents.select`. 0, with generated traffic: nothing of the file but its map and what
+                never moves.
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
             predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
             views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
@@ -88,7 +96,8 @@ class Simulation:
             v2x: Mapping from agent ids (and "default") to whether they have V2X; `settings.v2x.penetration` decides
                 about all other agents.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
-            seed: Seed for the choice of agents.
+            traffic: Generated traffic, see `interdrive.TrafficSpec`; None: that of `settings.traffic`.
+            seed: Seed for the choice of agents and for generated traffic.
             threads: Number of planning threads; None: the number of cores. Results do not depend on it.
             on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
                 "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
@@ -102,7 +111,7 @@ class Simulation:
         self._raises = on_planner_error == "raise"
         if not 0 <= seed < 2**64:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
-        config = run_config(settings_of(settings), planner)
+        config = run_config(with_traffic(settings_of(settings), traffic), planner)
         self._predictor_config = read_predictor(predictor, config.settings.predictor)
         of_files = config.settings.source
         self.scenario = open_scenario(scenario, raw=config.settings.recording.raw, source=of_files)
@@ -111,28 +120,57 @@ class Simulation:
         self.seed = seed
         self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw), source=of_files)
         self._agents_wanted = normalized(agents)
+        if self.settings.traffic.is_on and self._agents_wanted == 0:
+            self.scenario = map_alone(self.scenario)
         road_settings = self.settings.road
         self.road = core_road(self.scenario, road_settings)
         self._core_scenario = core_scenario(self.scenario, self.road)
         is_reachable = self._agents_wanted == "reachable"
-        self.agents, notes = select(
-            self.scenario,
-            self.road,
-            reachable_agents(self.scenario, self.settings) if is_reachable else self._agents_wanted,
-            agent_settings=self.settings.agents,
-            goal_settings=self.settings.goal,
-            max_steps=self.settings.step.steps_at_most(self.scenario),
-            seed=seed,
-            temperament=temperament(config, seed),
-        )
+        notes: list[str] = []
+        chosen: list[Agent] = []
+        if not self.settings.traffic.is_on or self._has_own_agents:
+            chosen, notes = select(
+                self.scenario,
+                self.road,
+                reachable_agents(self.scenario, self.settings) if is_reachable else self._agents_wanted,
+                agent_settings=self.settings.agents,
+                goal_settings=self.settings.goal,
+                max_steps=self.settings.step.steps_at_most(self.scenario),
+                seed=seed,
+                temperament=temperament(config, seed),
+            )
+        self.traffic = self._generated(chosen)
+        self.agents = sorted([*chosen, *self.traffic.agents], key=lambda agent: agent.id)
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())
         self._configs, notes = agent_configs(
-            config, views or {}, rules or {}, v2x or {}, self.agents, recorded, self.seed
+            config, views or {}, rules or {}, v2x or {}, self.agents, recorded, self.seed, self.traffic.drivers
         )
+        self._usual_planner = config.default.planner
         self._notes += notes
         self._workers: Workers | None = None
         self.reset()
+
+    @property
+    def _has_own_agents(self) -> bool:
+        """Whether the file can have agents, and they are wanted."""
+        scenario = self.scenario
+        has_any = bool(scenario.planning_problems) or not scenario.obstacles.is_static.all()
+        return self._agents_wanted != 0 and (has_any or self._agents_wanted != "all")
+
+    def _generated(self, chosen: list[Agent]) -> Generated:
+        """Generated traffic, besides the agents of the file."""
+        settings = self.settings.traffic
+        if not settings.is_on:
+            return Generated()
+        needed = math.ceil(settings.duration / self.scenario.dt)
+        most = _core.steps_at_most(self.settings.step, self.scenario.obstacles.n_steps, [(0, needed)])
+        if needed > most:
+            raise InputError(
+                "traffic.duration",
+                f"{settings.duration:g} s are {needed} time steps, but runs end after {most}; set step.max_steps",
+            )
+        return generated(self.scenario, self.road, settings, self.seed, chosen)
 
     def __repr__(self) -> str:
         return f"<Simulation of {self.scenario.name}: {len(self.agents)} agents, time step {self.world.time_step}>"
@@ -261,9 +299,10 @@ class Simulation:
             )
         make = {i: factory for i, factory in make.items() if i not in unfit}
         if make:
-            views = {i: config.view for i, config in self._configs.items()}
-            rules = {i: config.rules for i, config in self._configs.items()}
-            stage = partial(_staged, self.scenario, views, rules, self.settings)
+            own = {i: config for i, config in self._configs.items() if i not in self.traffic.drivers}
+            views = {i: config.view for i, config in own.items()}
+            rules = {i: config.rules for i, config in own.items()}
+            stage = partial(_staged, self.scenario, views, rules, self.settings, self.seed)
             self._workers = Workers(stage, make, self.threads, self.settings.step.planner_timeout_s)
             for i in make:
                 del self._python_planners[i]
@@ -368,7 +407,7 @@ class Simulation:
         run = Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
-            agents=tuple(agent_record(agent, names[agent.id]) for agent in self.agents),
+            agents=tuple(agent_record(agent, names[agent.id]) for agent in self._as_entered(states)),
             outcomes=outcomes,
             states=states,
             plans=plans,
@@ -391,6 +430,7 @@ class Simulation:
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
+            demand=self._demand(states, outcomes),
             profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
@@ -401,6 +441,26 @@ class Simulation:
             else None
         )
         return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
+
+    def _demand(self, states: States, outcomes: Outcomes) -> Demand | None:
+        made = self.traffic
+        if not self.settings.traffic.is_on:
+            return None
+        lanes = made.lane_ids, made.due, made.exit_ids, made.lengths
+        return demand_of(made.agents, lanes, states, outcomes, self.scenario.dt)
+
+    def _as_entered(self, states: States) -> list[Agent]:
+        """The agents; those that have waited in queues with the time and the speed at which they entered."""
+        found = []
+        for agent in self.agents:
+            row = int(np.searchsorted(states.participant_id, agent.id))
+            if agent.queue is not None and states.valid[row].any():
+                at = row, int(states.valid[row].argmax())
+                when = states.first_time_step + at[1]
+                found.append(entered_at(agent, when, float(states.velocity[at]), float(states.yaw_rate[at])))
+            else:
+                found.append(agent)
+        return found
 
     @property
     def _planner_names(self) -> dict[int, str]:
@@ -437,7 +497,12 @@ class Simulation:
     def _repeatable_settings(self) -> RunSettings:
         return {
             "agents": self._agents_wanted,
-            **stored(self._configs, self._predictor_config, self.settings),
+            **stored(
+                {i: config for i, config in self._configs.items() if i not in self.traffic.drivers},
+                self._predictor_config,
+                self.settings,
+                self._usual_planner,
+            ),
             "seed": self.seed,
             "threads": self.threads,
             "settings": flatten(self.settings),
@@ -481,6 +546,7 @@ def simulate(
     rules: RulesSpec | None = None,
     v2x: V2xSpec | None = None,
     settings: SettingsSpec | None = None,
+    traffic: TrafficSpec | None = None,
     seed: int = 0,
     threads: int | None = None,
     on_planner_error: Literal["end_agent", "raise"] = "end_agent",
@@ -491,7 +557,7 @@ def simulate(
     Args:
         scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of
             commonroad-io.
-        agents: "all", "reachable", "problems", a number, or ids.
+        agents: "all", "reachable", "problems", a number, or ids; 0 with generated traffic: none of the file.
         planner: A planner for all agents, or a mapping from agent ids (and "default") to planners; see
             `interdrive.PlannerSpec`.
         predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
@@ -499,7 +565,9 @@ def simulate(
         rules: Mapping from agent ids (and "default") to the rules of the road that they obey.
         v2x: Mapping from agent ids (and "default") to whether they have V2X.
         settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
-        seed: Seed for the choice of agents and for the random numbers of cooperation.
+        traffic: Generated traffic such as "rate=600" or `{"density": 20.0}`, see `interdrive.TrafficSpec`; None: that
+            of `settings.traffic`.
+        seed: Seed for the choice of agents, for generated traffic and for the random numbers of cooperation.
         threads: Number of planning threads; None: the number of cores. Results do not depend on it.
         on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
         on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
@@ -520,6 +588,7 @@ def simulate(
         rules=rules,
         v2x=v2x,
         settings=settings,
+        traffic=traffic,
         seed=seed,
         threads=threads,
         on_planner_error=on_planner_error,
@@ -536,9 +605,20 @@ class _NeverAsked:
 
 
 def _staged(
-    scenario: Scenario, views: dict[int, ViewSettings], rules: dict[int, RulesSettings], settings: SimulationSettings
+    scenario: Scenario,
+    views: dict[int, ViewSettings],
+    rules: dict[int, RulesSettings],
+    settings: SimulationSettings,
+    seed: int,
 ) -> _core.World:
-    """Rebuilds the world of a simulation with these agents in another process."""
+    """Rebuilds the world of a simulation with these agents, and its generated traffic, in another process."""
     return Simulation(
-        scenario, agents=list(views), planner=_NeverAsked, views=views, rules=rules, settings=settings, threads=1
+        scenario,
+        agents=list(views) or 0,
+        planner=_NeverAsked,
+        views=views,
+        rules=rules,
+        settings=settings,
+        seed=seed,
+        threads=1,
     ).world

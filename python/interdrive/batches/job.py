@@ -188,7 +188,7 @@ def simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
     driven = partial(simulate, scenario, predictor=spec.predictor, settings=spec.settings, seed=spec.seed, threads=1)
     if spec.agents == "all":
         run = driven(agents="all", planner=spec.planner)
-        return run, set(run.outcomes.agent_id.tolist()) - _unable(spec, run)
+        return run, {agent.id for agent in run.agents if agent.origin != "generated"} - _unable(spec, run)
     ids, others = _ids(spec, scenario), []
     recorded = set(scenario.obstacles.ids.tolist())
     follows = spec.planner.planner.native in RECORDED_PATH

@@ -177,7 +177,7 @@ def planned(
     Raises:
         InputError: Nothing to do, or something that cannot be used.
     """
-    agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds)
+    agents, traffic = _who(agents, traffic, alone=alone, seeds=seeds, is_drawn=settings.traffic.is_on)
     if panel and not alone:
         raise InputError("panel: it drives in the place of one agent; test every agent alone (--alone)")
     files, notes = scenario_files(paths)
@@ -210,8 +210,8 @@ def planned(
     return BatchPlan(tuple(specs), tuple(notes))
 
 
-def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> tuple[str | int, str]:
-    """Agents and traffic, checked together."""
+def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int, is_drawn: bool) -> tuple[str | int, str]:
+    """Agents and traffic, checked together; with generated traffic (`is_drawn`) every seed makes another run."""
     if agents not in ("all", "reachable") and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
         raise InputError(f"agents: expected all, reachable or a number of at least 1, not {agents!r}")
     if traffic is not None and traffic not in TRAFFIC:
@@ -224,7 +224,7 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int) -> 
             f"traffic {traffic}: with agents all no vehicles are left as traffic; "
             "test every agent alone (--alone), or a number of them (--agents N)"
         )
-    if isinstance(agents, str) and seeds > 1:
+    if isinstance(agents, str) and seeds > 1 and not is_drawn:
         raise InputError(
             f"seeds {seeds}: a seed chooses a number of agents; with agents {agents} every run would be equal"
         )

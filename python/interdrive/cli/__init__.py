@@ -45,6 +45,7 @@ from interdrive.cli.solution import solution
 from interdrive.cli.sql import sql
 from interdrive.cli.study import study
 from interdrive.cli.terminal import say
+from interdrive.cli.traffic import traffic
 from interdrive.cli.verify import verify
 from interdrive.errors import InterdriveError
 
@@ -121,6 +122,7 @@ _GROUPS = {
         (check, "Inspect scenario files and list possible agents."),
         (convert, "Convert a map or a recording of another tool to CommonRoad."),
         (problem, "Put planning problems on a map, from lane to lane."),
+        (traffic, "Fill a map with generated traffic, as a scenario file."),
         (join, "Join consecutive recordings into one file."),
         (verify, "Repeat a run and compare all states."),
         (rerun, "Repeat the run of an older folder with this version."),

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
+#: Words for the behaviour of recorded vehicles that are not under test.
+_OTHERS = ("recorded", "velocity_adjusting", "same")
+
 
 @click.command()
 @click.argument("paths", nargs=-1, metavar="PATHS...")
@@ -41,8 +44,9 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 )
 @click.option(
     "--traffic",
-    metavar="recorded|velocity_adjusting|same",
-    help="Behaviour of all other vehicles: replay, replay with adjusted speed, or the planner under test.",
+    metavar="recorded|velocity_adjusting|same[,NAME=VALUE...]",
+    help="Behaviour of all other vehicles: replay, replay with adjusted speed, or the planner under test; and, or "
+    "alone, generated traffic by every seed, such as rate=600 (names of the settings traffic.NAME).",
 )
 @click.option("--alone", is_flag=True, default=None, help="Simulate each agent under test in a run of its own.")
 @click.option(
@@ -50,7 +54,7 @@ _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
     metavar="none|default|DIR",
     help="With --alone: score against four drivers in the place of each agent, or against stored drives (none).",
 )
-@click.option("--seeds", metavar="N", help="Number of seeds for the choice of agents (1).")
+@click.option("--seeds", metavar="N", help="Number of seeds for the choice of agents, or for generated traffic (1).")
 @click.option(
     "--style",
     metavar="calm|normal|brisk",
@@ -118,7 +122,7 @@ def batch(
                 planner=list(choices.planner),
                 predictor=list(choices.predictor),
                 agents=choices.agents,
-                traffic=choices.traffic,
+                traffic=_others(choices.traffic),
                 alone=choices.alone,
                 seeds=choices.seeds,
                 settings=settings,
@@ -159,7 +163,7 @@ def _configured(
     config: str | None, given: Mapping[str, Any], values_given: Mapping[str, str]
 ) -> tuple[BatchChoices, SimulationSettings]:
     """Choices and settings: defaults, then the file, then the command line."""
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings, with_traffic  # noqa: PLC0415
 
     choices = BatchChoices()
     values: dict[str, Any] = {}
@@ -180,4 +184,20 @@ def _configured(
         settings = bind(settings, values)
     except InputError as error:
         raise error.within(str(config)) from None
-    return choices, bind(settings, values_given)
+    return choices, bind(with_traffic(settings, _generated(choices.traffic)), values_given)
+
+
+def _others(traffic: str | None) -> str | None:
+    """The part of `--traffic` that is about recorded vehicles."""
+    if traffic is None or "=" not in traffic:
+        return traffic
+    own = traffic.partition(",")[0]
+    return own if own in _OTHERS else None
+
+
+def _generated(traffic: str | None) -> str | None:
+    """The part of `--traffic` that is about generated traffic; None: there is none."""
+    own, _, rest = (traffic or "").partition(",")
+    if "=" not in (traffic or ""):
+        return None
+    return rest if own in _OTHERS else traffic

@@ -26,6 +26,7 @@ class RunChoices:
     planner: str = DEFAULT_PLANNER
     predictor: str = "neural"
     style: str = "normal"
+    traffic: str | None = None
     v2x: float | None = None
     seed: int = 0
     threads: int | None = None

@@ -76,6 +76,12 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 @click.option(
     "--config", metavar="TOML", help="File with the same options and settings; the command line takes precedence."
 )
+@click.option(
+    "--traffic",
+    metavar="[PLANNER,]NAME=VALUE[,...]",
+    help="Generated traffic, such as rate=600 (vehicles per hour and lane) or idm,density=20; names are those of the "
+    "settings traffic.NAME. --agents 0 leaves out the vehicles of the file.",
+)
 @click.option("--v2x", metavar="P", help="Share of the agents that cooperate by V2X, 0 to 1 (v2x.penetration).")
 @click.option(
     "--seed", metavar="N", help="Seed for the choice of agents and for the random numbers of cooperation (0)."
@@ -181,6 +187,10 @@ def run(
                 write_run_report(folder)
     if not quiet:
         print_run(done, shown(folder))
+        if done.demand is not None:
+            from interdrive.cli.traffic_report import print_flows  # noqa: PLC0415 - rich
+
+            print_flows(done)
         if done.profile is not None:
             from interdrive.cli.profile_report import print_costs  # noqa: PLC0415 - rich
 
@@ -192,7 +202,7 @@ def _configured(
     config: str | None, given: Mapping[str, Any], by_agent: Sequence[str], values_given: dict[str, str]
 ) -> tuple[RunChoices, dict[int, Choice], SimulationSettings]:
     """Choices for all agents, choices per agent, and settings: defaults, then the file, then the command line."""
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings, with_traffic  # noqa: PLC0415
 
     choices = RunChoices()
     values: dict[str, Any] = {}
@@ -217,7 +227,8 @@ def _configured(
         raise error.within(str(config)) from None
     if choices.v2x is not None:
         values_given = {"v2x.penetration": str(choices.v2x), **values_given}
-    return choices, own | choices_by_agent(by_agent), bind(settings, values_given)
+    settings = bind(with_traffic(settings, choices.traffic), values_given)
+    return choices, own | choices_by_agent(by_agent), settings
 
 
 def _planners(planner: str, own: dict[int, Choice]) -> PlannersSpec:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind, flatten
+from interdrive.config.drivers import SETTINGS
 from interdrive.config.plugins import DEFAULT_PLANNER, read_choice
 from interdrive.config.specs import (
     DEFAULT,
@@ -24,7 +25,7 @@ from interdrive.config.specs import (
 )
 from interdrive.errors import InputError
 from interdrive.native_settings import RulesSettings, ViewSettings
-from interdrive.planners import RECORDED_PATH
+from interdrive.planners import RECORDED_PATH, RECORDS
 from interdrive.scenario import KINDS
 from interdrive.scenario.known_goals import Temperament
 from interdrive.scenario.native import core_shape
@@ -33,11 +34,16 @@ if TYPE_CHECKING:
     from interdrive.config.schema import SimulationSettings
     from interdrive.run import RunSettings
     from interdrive.scenario.agents import Agent
+    from interdrive.traffic import Driver
 
 T = TypeVar("T")
 Record = TypeVar("Record", ViewSettings, RulesSettings)
 
 _ByAgent: TypeAlias = Mapping[int, T] | Mapping[str, T] | Mapping[int | str, T]
+
+#: These planners come to bends faster than they want to be there, so generated vehicles want less lateral acceleration
+#: [m/s²] than their default, unless they have settings of their own: what people have in turns.
+_SLOW_IN_BENDS, _LATERAL = ("idm", "idm_mobil"), 2.0
 
 #: The planner of all agents, or planners by agent id ("default": of all others).
 PlannersSpec: TypeAlias = PlannerSpec | _ByAgent[PlannerSpec]
@@ -88,6 +94,7 @@ def core_agent(agent: Agent, config: AgentConfig, planner: _core.Planner | None)
         config.rules,
         config.v2x,
         agent.replays_before,
+        agent.queue,
     )
 
 
@@ -99,11 +106,13 @@ class RunConfig:
         settings: Settings of the run.
         default: What agents without a choice of their own have.
         own: Choices of single agents, by their ids as given.
+        traffic: The planners of generated traffic, in the order of `TrafficSettings.planners`.
     """
 
     settings: SimulationSettings
     default: AgentChoice
     own: Mapping[object, AgentChoice]
+    traffic: tuple[AgentChoice, ...] = ()
 
 
 def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig:
@@ -132,7 +141,22 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
         view, rules = _record("view", settings.view, default.view), _record("rules", settings.rules, default.rules)
         settings = replace(settings, view=view, rules=rules)
         default = AgentChoice(default.planner, drivers=default.drivers, driver=default.driver)
-    return RunConfig(settings, default, own)
+    return RunConfig(settings, default, own, _traffic_planners(settings))
+
+
+def _traffic_planners(settings: SimulationSettings) -> tuple[AgentChoice, ...]:
+    if not settings.traffic.is_on:
+        return ()
+    found = []
+    for name, _ in settings.traffic.planners:
+        try:
+            choice = read_planner(name, settings.planner)
+        except InputError as error:
+            raise error.within("traffic.planner") from None
+        if choice.planner.native in RECORDED_PATH:
+            raise InputError("traffic.planner", f"{name} follows recordings, and generated vehicles have none")
+        found.append(choice)
+    return tuple(found)
 
 
 def agent_configs(
@@ -143,6 +167,7 @@ def agent_configs(
     agents: Sequence[Agent],
     recorded: Container[int],
     seed: int = 0,
+    drivers: Mapping[int, Driver] | None = None,
 ) -> tuple[dict[int, AgentConfig], list[str]]:
     """Planner, view and rules of every agent.
 
@@ -156,6 +181,7 @@ def agent_configs(
         agents: The agents.
         recorded: Ids of the participants that have a recording.
         seed: Of what drivers draw.
+        drivers: Who drives generated vehicles, by agent id; no choice for single agents applies to them.
 
     Returns:
         Planner and view by agent id, and one line per agent that did not get the planner of all agents.
@@ -163,12 +189,16 @@ def agent_configs(
     Raises:
         InputError: An id is not that of an agent, a choice cannot be used, or a setting does not exist.
     """
-    settings, looks, obeyed = config.settings, _by_id(views, agents, "a view"), _by_id(rules, agents, "rules")
-    equipped, own = _by_id(v2x, agents, "V2X"), _by_id(config.own, agents, "a planner")
+    chosen = [agent for agent in agents if agent.id not in (drivers or {})]
+    settings, looks, obeyed = config.settings, _by_id(views, chosen, "a view"), _by_id(rules, chosen, "rules")
+    equipped, own = _by_id(v2x, chosen, "V2X"), _by_id(config.own, chosen, "a planner")
     found: dict[int, AgentConfig] = {}
     notes = []
     for agent in agents:
         choice, wanted = _choice(config, own, agent, recorded)
+        generated = (drivers or {}).get(agent.id)
+        if generated is not None:
+            choice, wanted = _of_driver(config, generated), ""
         if wanted:
             notes.append(f"agent {agent.id} has no recording for planner {wanted}: {DEFAULT_PLANNER} drives it")
         try:
@@ -182,6 +212,22 @@ def agent_configs(
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
     return found, notes
+
+
+def _of_driver(config: RunConfig, driver: Driver) -> AgentChoice:
+    """The choice for a generated vehicle, with the time gap and the speeds of its driver."""
+    choice = config.traffic[driver.planner]
+    native = choice.planner.native or ""
+    own: dict[str, float] = {}
+    if (name := SETTINGS.get(native, {}).get("time_gap")) is not None:
+        own[name] = driver.time_gap
+    if native in _SLOW_IN_BENDS and choice.planner.values == flatten(RECORDS[native]()):
+        own["lateral_acceleration"] = _LATERAL
+    if own:
+        source = bind(cast("Any", choice.planner.source), own)
+        choice = replace(choice, planner=replace(choice.planner, source=source))
+    factor = config.settings.rules.speed_factor * driver.speed_factor
+    return replace(choice, rules={"speed_factor": factor, **choice.rules})
 
 
 def temperament(config: RunConfig, seed: int) -> Callable[[int, str], Temperament]:
@@ -232,10 +278,24 @@ def _drawn(choice: AgentChoice, agent: Agent, seed: int) -> Resolved:
     return replace(planner, source=bind(cast("Any", planner.source), {**planner.values, **own}))
 
 
-def stored(agents: Mapping[int, AgentConfig], predictor: Resolved, settings: SimulationSettings) -> RunSettings:
-    """Planners, views, rules and predictor as plain values, and whether they reproduce the run ("repeatable")."""
+def stored(
+    agents: Mapping[int, AgentConfig],
+    predictor: Resolved,
+    settings: SimulationSettings,
+    usual: Resolved | None = None,
+) -> RunSettings:
+    """Planners, views, rules and predictor as plain values, and whether they reproduce the run ("repeatable").
+
+    Args:
+        agents: Of the run, without generated vehicles: settings and seed make them.
+        predictor: Of all agents.
+        settings: Of the run.
+        usual: The planner for all agents, for a run that has none but generated vehicles.
+    """
     plain = {agent: _plain(config, settings) for agent, config in agents.items()}
     values = [value for value, _ in plain.values()]
+    if not values and usual is not None:
+        values = [usual.plain(settings.planner)[0]]
     expected, repeatable = predictor.plain(settings.predictor)
     equipped = {str(agent): config.v2x for agent, config in agents.items() if config.v2x is not None}
     return {

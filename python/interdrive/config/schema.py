@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError, check_between
 from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, V2xSettings, ViewSettings
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario import SourceOptions
 from interdrive.scenario.agents import AgentSettings, GoalSettings
+from interdrive.traffic.settings import TrafficSettings
 
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
@@ -118,6 +120,7 @@ class SimulationSettings:
         source: How maps and recordings of other tools are read.
         agents: Which vehicles may become agents.
         goal: Goals of recorded vehicles.
+        traffic: Generated traffic.
         planner: Native planners.
         predictor: Native predictors.
         view: What agents see.
@@ -133,6 +136,7 @@ class SimulationSettings:
     source: SourceOptions = field(default_factory=SourceOptions)
     agents: AgentSettings = field(default_factory=AgentSettings)
     goal: GoalSettings = field(default_factory=GoalSettings)
+    traffic: TrafficSettings = field(default_factory=TrafficSettings)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     predictor: PredictorSettings = field(default_factory=PredictorSettings)
     view: ViewSettings = field(default_factory=ViewSettings)
@@ -155,3 +159,36 @@ def settings_of(spec: SettingsSpec | None) -> SimulationSettings:
         InputError: A name that does not exist, or a value that does not fit; the location is the dotted name.
     """
     return spec if isinstance(spec, SimulationSettings) else bind(SimulationSettings(), spec or {})
+
+
+#: Generated traffic: settings, a mapping of their names, or a text such as "rate=600,planner=idm:0.5+rollout:0.5" or
+#: "idm,rate=600".
+TrafficSpec: TypeAlias = TrafficSettings | Mapping[str, Setting] | str
+
+
+def with_traffic(settings: SimulationSettings, traffic: TrafficSpec | None) -> SimulationSettings:
+    """The settings with generated traffic; as they are for None.
+
+    Raises:
+        InputError: A name that does not exist, or a value that does not fit.
+    """
+    if traffic is None:
+        return settings
+    if isinstance(traffic, TrafficSettings):
+        return replace(settings, traffic=traffic)
+    values: dict[str, Any] = {}
+    if isinstance(traffic, str):
+        choice = read_choice(traffic, "traffic")
+        values = {} if choice.chosen is None else {"planner": choice.chosen}
+        values |= choice.settings
+    elif isinstance(traffic, Mapping):
+        values = dict(traffic)
+    else:
+        raise InputError(f"traffic must be TrafficSettings, a mapping of its fields or a text, not {traffic!r}")
+    try:
+        made = bind(settings.traffic, values)
+    except InputError as error:
+        raise error.within("traffic") from None
+    if not made.is_on:
+        raise InputError("traffic", "there is none: give a rate or a density, such as rate=600")
+    return replace(settings, traffic=made)

@@ -25,6 +25,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "agreements": arrays.Agreements.columns,
     "hits": arrays.Hits.columns,
     "profile": arrays.Profile.columns,
+    "demand": arrays.Demand.columns,
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
@@ -46,4 +47,5 @@ ON_DEMAND = (
     "agreements",
     "hits",
     "profile",
+    "demand",
 )

@@ -58,6 +58,7 @@ class Results:
         agreements: Which agent held for which; None if no agents negotiate.
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         profile: How long the plans of single agents took; None unless `record.profile`.
+        demand: Generated vehicles; None without generated traffic.
         missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
@@ -76,6 +77,7 @@ class Results:
     agreements: pa.Table | None = None
     hits: pa.Table | None = None
     profile: pa.Table | None = None
+    demand: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

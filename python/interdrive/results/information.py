@@ -101,6 +101,7 @@ class RunInformation(SoftwareInformation):
         violations: The same for violations. orders: The same for orders at junctions.
         messages: The same for V2X messages. agreements: The same for agreements about shared road.
         hits: The same for contacts after which an agent drove on. profile: The same for the time of single plans.
+        demand: The same for generated vehicles.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -122,6 +123,7 @@ class RunInformation(SoftwareInformation):
     agreements: str | None
     hits: str | None
     profile: str | None
+    demand: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
@@ -154,6 +156,7 @@ def information(run: RunRecord) -> RunInformation:
         "agreements": None if run.agreements is None else "agreements.parquet",
         "hits": None if run.hits is None else "hits.parquet",
         "profile": None if run.profile is None else "profile.parquet",
+        "demand": None if run.demand is None else "demand.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),

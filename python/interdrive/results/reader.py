@@ -15,6 +15,7 @@ from interdrive.results.folder import read_results
 from interdrive.run import (
     AgentRecord,
     Agreements,
+    Demand,
     Hits,
     Messages,
     Orders,
@@ -84,6 +85,7 @@ def read_run(folder: str | Path) -> RunRecord:
         candidates=None if results.candidates is None else _candidates(results.candidates),
         orders=_rows(Orders, results.orders),
         profile=_rows(Profile, results.profile),
+        demand=_rows(Demand, results.demand),
         cooperation=results.info.get("cooperation"),
     )
 

@@ -205,6 +205,10 @@ def _check_profile(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     refuse("seconds", profile["seconds"], profile["seconds"] < 0.0, "is negative")
 
 
+def _check_demand(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    _known("agent_id", found["demand"]["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
+
+
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
     """Checks that every prediction or candidate has the same points, and equal values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
@@ -236,6 +240,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "violations": _check_violations,
     "orders": _check_orders,
     "profile": _check_profile,
+    "demand": _check_demand,
 }
 
 

@@ -305,6 +305,22 @@ class Profile(Tabular):
 
 
 @dataclass(frozen=True, repr=False)
+class Demand(Tabular):
+    """Generated vehicles, one row each, sorted by id: when they wanted to enter, and when they did."""
+
+    _rows = "vehicles"
+
+    agent_id: Ints = field(metadata=integer("the vehicle"))
+    lane_id: Ints = field(metadata=integer("lanelet by which it enters, or in which it is from the beginning"))
+    kind: tuple[str, ...] = field(metadata=label("one of interdrive.scenario.KINDS", KINDS))
+    due: Floats = field(metadata=number("when it wanted to enter", "s", null="it is there from the beginning"))
+    entered: Floats = field(metadata=number("when it entered", "s", null="it has not entered"))
+    left: Floats = field(metadata=number("when it left the map by its exit", "s", null="it has not"))
+    exit_id: Ints = field(metadata=integer("last lanelet of its way"))
+    route_length: Floats = field(metadata=number("length of its way", "m"))
+
+
+@dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time."""
 

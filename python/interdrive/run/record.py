@@ -23,7 +23,7 @@ class AgentRecord:
     Attributes:
         id: Participant id.
         planner: Name of its planner.
-        origin: "planning problem" or "recorded".
+        origin: "planning problem", "recorded" or "generated".
         start_time_step: Time step at which it starts.
         goal: Alternatives, of which one must be met.
         route_lanelet_ids: Lanelets of its route in driving order.
@@ -32,7 +32,7 @@ class AgentRecord:
 
     id: int
     planner: str
-    origin: str  # "planning problem" or "recorded"
+    origin: str  # "planning problem", "recorded" or "generated"
     start_time_step: int
     goal: tuple[GoalState, ...]
     route_lanelet_ids: tuple[int, ...]
@@ -106,6 +106,7 @@ class RunRecord:
         agreements: Which agents held for which; None unless agents negotiate.
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         profile: How long the plans of single agents took; None unless `record.profile` is set.
+        demand: Generated vehicles; None without generated traffic.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
@@ -128,4 +129,5 @@ class RunRecord:
     agreements: arrays.Agreements | None = None
     hits: arrays.Hits | None = None
     profile: arrays.Profile | None = None
+    demand: arrays.Demand | None = None
     cooperation: Mapping[str, Json] | None = None

@@ -122,7 +122,7 @@ class Agent:
     Attributes:
         id: Unique among all participants.
         names: Ids that select it: its own, and that of its planning problem.
-        origin: "planning problem" or "recorded".
+        origin: "planning problem", "recorded" or "generated".
         kind: One of `interdrive.scenario.KINDS`.
         shape: Footprint in the body frame.
         initial_state: As recorded or as the planning problem states it.
@@ -131,6 +131,8 @@ class Agent:
         route: Route and reference path.
         native_goal: The goal for the core.
         replays_before: It replays its recording until it starts.
+        queue: Number of the queue in which it waits for a gap before it enters, and the last time step at which it may
+            enter; None: it enters at its time.
     """
 
     id: int
@@ -144,6 +146,7 @@ class Agent:
     route: _core.Route
     native_goal: _core.Goal
     replays_before: bool = False
+    queue: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -581,7 +584,13 @@ def _goal_areas(
     return (Shape("rectangle", length=length, width=4.0, center=center, orientation=orientation),), orientation
 
 
-def _native_goal(goal: tuple[GoalState, ...]) -> _core.Goal:
+def native_goal(goal: tuple[GoalState, ...], pace: float | None = None) -> _core.Goal:
+    """The goal for the core.
+
+    Args:
+        goal: Its alternatives.
+        pace: Speed that the agent wants on its way, however much time it has [m/s]; None: what the time demands.
+    """
     return _core.Goal(
         [
             (
@@ -591,7 +600,8 @@ def _native_goal(goal: tuple[GoalState, ...]) -> _core.Goal:
                 alternative.orientation,
             )
             for alternative in goal
-        ]
+        ],
+        pace,
     )
 
 
@@ -600,14 +610,14 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> 
     start = (state.x, state.y, state.orientation, state.velocity)
     user = KINDS.index(proposal.kind)
     try:
-        goal = _native_goal(proposal.goal)
+        goal = native_goal(proposal.goal)
         if proposal.track is None:
             route = _core.Route.find(road, *start, goal, user)
         else:
             length, keeps_lane = route_length(proposal.speed), proposal.keeps_lane
             route = _core.Route.along(road, *start, proposal.track, keeps_lane=keeps_lane, length=length, user=user)
             proposal = _leaving_map(proposal, road, scenario, route)
-            goal = _native_goal(proposal.goal)
+            goal = native_goal(proposal.goal)
     except InputError as error:
         raise error.within(f"agent {proposal.id}") from None
     vehicle = _vehicle(proposal)

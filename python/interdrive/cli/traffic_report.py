@@ -1,0 +1,39 @@
+"""Printed tables of generated traffic."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from interdrive.cli.report import output, print_table, table_of
+from interdrive.run.flows import lane_flows
+
+if TYPE_CHECKING:
+    from interdrive.run import RunRecord
+
+#: No more lanes than this are shown.
+_LANES_MAX = 40
+
+
+def print_flows(run: RunRecord) -> None:
+    """Prints flow, speed and queues by lane; nothing without generated traffic."""
+    rows = lane_flows(run)
+    if not rows:
+        return
+    console = output()
+    numbers = ("lanelet", "due", "vehicles", "flow [1/h]", "speed [m/s]", "wait [s]", "queue")
+    table = table_of(("", *numbers), right=numbers, tight=True, title="generated traffic by lane")
+    for row in rows[:_LANES_MAX]:
+        table.add_row(
+            row.side,
+            str(row.lane_id),
+            "" if row.due < 0 else str(row.due),
+            str(row.vehicles),
+            f"{row.flow:.0f}",
+            "" if math.isnan(row.speed) else f"{row.speed:.1f}",
+            "" if math.isnan(row.wait) else f"{row.wait:.1f}",
+            "" if row.queue < 0 else str(row.queue),
+        )
+    print_table(console, table, 2)
+    if len(rows) > _LANES_MAX:
+        console.print(f"{len(rows) - _LANES_MAX} more lanes: interdrive.run.flows.lane_flows", style="dim")

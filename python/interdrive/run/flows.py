@@ -1,0 +1,147 @@
+"""Flow, speed and queues of generated traffic by lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from interdrive.run.arrays import Demand
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.array_types import Bools, Floats
+    from interdrive.run.arrays import Outcomes, States
+    from interdrive.run.record import RunRecord
+    from interdrive.scenario.agents import Agent
+
+
+@dataclass(frozen=True)
+class LaneFlow:
+    """Traffic of one lane between two times.
+
+    Attributes:
+        lane_id: The lanelet.
+        side: "in": vehicles enter by it; "out": they leave by it.
+        vehicles: Number of vehicles.
+        due: Number of vehicles that wanted to enter; -1 for exits.
+        flow: Vehicles per hour.
+        speed: Mean speed of its vehicles on the map, their way over their time [m/s]; nan without vehicles.
+        wait: Mean time that vehicles waited before the map [s]; nan for exits and without vehicles.
+        queue: Largest number of vehicles that waited at the same time; -1 for exits.
+    """
+
+    lane_id: int
+    side: str
+    vehicles: int
+    due: int
+    flow: float
+    speed: float
+    wait: float
+    queue: int
+
+
+def demand_of(
+    agents: Sequence[Agent],
+    lanes: tuple[Sequence[int], Sequence[float], Sequence[int], Sequence[float]],
+    states: States,
+    outcomes: Outcomes,
+    dt: float,
+) -> Demand:
+    """What became of generated vehicles.
+
+    Args:
+        agents: The vehicles.
+        lanes: Lane, time that each is due [s], exit and length of the way [m], by vehicle.
+        states: Of the run until now.
+        outcomes: The same.
+        dt: Time between steps [s].
+    """
+    entered, left = np.full(len(agents), np.nan), np.full(len(agents), np.nan)
+    ended = dict(
+        zip(outcomes.agent_id.tolist(), zip(outcomes.outcome, outcomes.time_step.tolist(), strict=True), strict=True)
+    )
+    for place, agent in enumerate(agents):
+        there = states.valid[int(np.searchsorted(states.participant_id, agent.id))]
+        if there.any():
+            entered[place] = (states.first_time_step + int(there.argmax())) * dt
+        outcome, time_step = ended[agent.id]
+        if outcome in ("goal_reached", "goal_reached_late"):
+            left[place] = time_step * dt
+    lane_ids, due, exit_ids, lengths = lanes
+    return Demand(
+        agent_id=np.array([agent.id for agent in agents], dtype=np.int64),
+        lane_id=np.array(lane_ids, dtype=np.int64),
+        kind=tuple(agent.kind for agent in agents),
+        due=np.array(due, dtype=np.float64),
+        entered=np.round(entered, 9),
+        left=np.round(left, 9),
+        exit_id=np.array(exit_ids, dtype=np.int64),
+        route_length=np.array(lengths, dtype=np.float64),
+    )
+
+
+def lane_flows(run: RunRecord, first: float | None = None, last: float | None = None) -> tuple[LaneFlow, ...]:
+    """Flow, speed and queues of a run with generated traffic: entries, then exits, by lanelet id.
+
+    Args:
+        run: The run; without generated traffic there are no rows.
+        first: Begin of the time that counts [s]; None: traffic.warm_up.
+        last: Its end [s]; None: traffic.duration, or the end of the run if that is earlier.
+    """
+    demand, said = run.demand, run.settings.get("settings", {})
+    if demand is None:
+        return ()
+    dt, states = run.scenario.dt, run.states
+    begin = float(said.get("traffic.warm_up", 0.0)) if first is None else first  # type: ignore[arg-type]
+    end = float(said.get("traffic.duration", np.inf)) if last is None else last  # type: ignore[arg-type]
+    end = min(end, (states.first_time_step + states.n_steps - 1) * dt)
+    hours = max(end - begin, dt) / 3600.0
+    speeds = _speeds(run, demand, begin, end)
+
+    def mean(values: Floats) -> float:
+        return float(values.mean()) if len(values) else float("nan")
+
+    found = []
+    queued = ~np.isnan(demand.due)
+    for lane in np.unique(demand.lane_id[queued]).tolist():
+        own = queued & (demand.lane_id == lane)
+        wanted = own & (demand.due >= begin) & (demand.due < end)
+        came = own & (demand.entered >= begin) & (demand.entered < end)
+        known = own & ~np.isnan(speeds)
+        row = LaneFlow(
+            lane, "in", int(came.sum()), int(wanted.sum()), came.sum() / hours, mean(speeds[known]),
+            mean((demand.entered - demand.due)[came]), _queue(demand, own, begin, end, dt),
+        )  # fmt: skip
+        found.append(row)
+    for lane in np.unique(demand.exit_id).tolist():
+        own = demand.exit_id == lane
+        went = own & (demand.left >= begin) & (demand.left < end)
+        known = own & ~np.isnan(speeds)
+        found.append(
+            LaneFlow(lane, "out", int(went.sum()), -1, went.sum() / hours, mean(speeds[known]), float("nan"), -1)
+        )
+    return tuple(found)
+
+
+def _speeds(run: RunRecord, demand: Demand, begin: float, end: float) -> Floats:
+    """Mean speed of each vehicle between two times [m/s]; nan where it is not there."""
+    states, dt = run.states, run.scenario.dt
+    times = (states.first_time_step + np.arange(states.n_steps)) * dt
+    counts = (times >= begin) & (times <= end)
+    rows = np.searchsorted(states.participant_id, demand.agent_id)
+    there = states.valid[rows] & counts
+    total = np.where(there, states.velocity[rows], 0.0).sum(axis=1)
+    number = there.sum(axis=1)
+    return np.where(number > 0, total / np.maximum(number, 1), np.nan)
+
+
+def _queue(demand: Demand, own: Bools, begin: float, end: float, dt: float) -> int:
+    """Largest number of vehicles that are due and have not entered at one time, those that need not wait left out."""
+    due, entered = demand.due[own], demand.entered[own]
+    waits = ~(entered - due < dt)
+    due, entered = due[waits], np.nan_to_num(entered[waits], nan=np.inf)
+    moments = due[(due >= begin) & (due < end)]
+    return max((int(((due <= moment) & (entered > moment)).sum()) for moment in moments.tolist()), default=0)

@@ -1,0 +1,191 @@
+"""Vehicles enter where there is a gap, drive through the map and leave it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rings import ring
+
+import interdrive as idr
+from interdrive.run.flows import lane_flows
+from interdrive.simulation import Simulation
+from interdrive.testing import Car, problem, straight_road, world
+from interdrive.traffic import LaneGraph
+
+FAST = {"record.violations": False, "record.orders": False}
+
+
+def road(length=600.0, lanes=2, limit=30.0, **others):
+    lanelets = straight_road(length, lanes)
+    return world(replace(lanelets, speed_limit=np.full(lanes, limit)), steps=0, **others)
+
+
+def run_of(scenario, traffic, *, agents=0, seed=1, threads=1, **settings):
+    return idr.simulate(
+        scenario,
+        agents=agents,
+        traffic=traffic,
+        predictor="lane_following",
+        settings={**FAST, **settings},
+        seed=seed,
+        threads=threads,
+    )
+
+
+def hardest_braking(run, seconds=2.0):
+    """Largest deceleration of anybody within some seconds after an entry, of those within 150 m behind it [m/s²]."""
+    states, dt = run.states, run.scenario.dt
+    worst = 0.0
+    for number, entered in zip(run.demand.agent_id.tolist(), run.demand.entered.tolist(), strict=True):
+        if not entered > 0.0:
+            continue
+        row, first = int(np.searchsorted(states.participant_id, number)), round(entered / dt)
+        span = slice(first, first + round(seconds / dt) + 1)
+        near = np.abs(states.x[:, first] - states.x[row, first]) < 150.0
+        worst = max(worst, -np.nanmin(np.where(states.valid[near, span], states.acceleration[near, span], 0.0)))
+    return worst
+
+
+def test_vehicles_cross_the_map_without_anybody_braking_hard_for_an_entry():
+    run = run_of(road(), "idm_mobil,rate=1200,duration=40")
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert len(run.demand.agent_id) > 20
+    assert np.isfinite(run.demand.left).all()
+    assert hardest_braking(run) < 4.0
+    assert all(agent.origin == "generated" for agent in run.agents)
+
+
+def test_one_digest_for_any_number_of_threads_and_another_for_another_seed():
+    runs = [run_of(road(300.0), "idm:0.5+rollout:0.5,rate=900,duration=10", threads=n) for n in (1, 2, 8)]
+    assert len({run.digest for run in runs}) == 1
+    assert {*runs[0].outcomes.planner} == {"idm", "rollout"}
+    assert run_of(road(300.0), "idm:0.5+rollout:0.5,rate=900,duration=10", seed=2).digest != runs[0].digest
+
+
+def test_one_lanes_demand_is_the_same_without_the_other_lane():
+    both = run_of(road(300.0), "idm,rate=900,duration=30,density=0").demand
+    alone = run_of(road(300.0), "idm,rates=[2:900],duration=30,density=0").demand
+    own = both.lane_id == 2
+    assert own.sum() < len(own)
+    np.testing.assert_array_equal(both.due[own], alone.due)
+    assert [kind for kind, mine in zip(both.kind, own, strict=True) if mine] == list(alone.kind)
+    np.testing.assert_allclose(both.route_length[own], alone.route_length)
+
+
+def test_who_waits_enters_later_and_the_table_says_so():
+    # 40 m before the lane's end, beyond which nothing goes on, a parked car blocks the lane.
+    scenario = road(300.0, lanes=1, cars=[Car(7, 60.0)])
+    scenario = replace(scenario, obstacles=replace(scenario.obstacles, is_static=np.array([True])))
+    run = run_of(scenario, "idm,rate=1500,duration=60,density=0", **{"rules.passing": False, "step.max_steps": 700})
+    demand = run.demand
+    entered = np.isfinite(demand.entered)
+    assert 4 <= entered.sum() < len(entered)
+    assert set(run.outcomes.outcome) == {"time_limit"}
+    never = run.outcomes.reason[int(np.flatnonzero(~entered)[0])]
+    assert never.startswith("found no room to enter within")
+    into = lane_flows(run)[0]
+    assert (into.side, into.lane_id, into.vehicles, into.due) == ("in", 1, entered.sum(), len(entered))
+    assert into.queue == len(entered) - entered.sum()
+    np.testing.assert_array_less(demand.due[entered] - 1e-9, demand.entered[entered])
+
+
+def test_a_road_carries_what_it_can_and_the_rest_queues():
+    def flows(rate, duration, **others):
+        settings = {"traffic.min_headway": 1.0, "traffic.mix": (1, 0, 0), "traffic.time_gap": (1.0, 0.0)}
+        traffic = f"idm,rate={rate},duration={duration},warm_up=40"
+        return lane_flows(run_of(road(1000.0, 2), traffic, **settings, **others))
+
+    calm = flows(1200, 160)
+    into, out = (sum(row.vehicles for row in calm if row.side == side) for side in ("in", "out"))
+    assert out == pytest.approx(into, rel=0.12)
+    busy = flows(3000, 100)
+    out = [row.flow for row in busy if row.side == "out"]
+    assert all(1700 <= flow <= 2450 for flow in out), out
+    assert all(row.queue >= 5 for row in busy if row.side == "in")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_dense_fill_with_very_different_drivers_does_not_crash(seed):
+    run = run_of(
+        road(400.0, 3),
+        {"density": 60.0, "speed_factor": (1.0, 0.3), "planner": "idm", "duration": 1.0},
+        seed=seed,
+    )
+    assert len(run.agents) > 50
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+
+
+def test_a_ring_has_no_entry_and_is_filled_by_density():
+    scenario = world(ring(4, 60.0), steps=0)
+    with pytest.raises(idr.InputError, match=r"traffic.rate: .* use traffic.density"):
+        run_of(scenario, "rate=600")
+    run = run_of(scenario, "idm,density=40,duration=30")
+    assert len(run.agents) == round(0.04 * 2.0 * np.pi * 60.0)
+    assert set(run.outcomes.outcome) == {"goal_reached"}
+    assert run.states.n_steps == 301
+    with pytest.raises(idr.InputError, match="do not fit into a ring"):
+        run_of(scenario, "idm,density=300,duration=30")
+
+
+def test_agents_of_the_file_stay_unless_they_are_left_out():
+    scenario = road(
+        300.0, cars=[Car(3, 150.0, velocity=10.0)], problems=[problem(9, 30.0, goal=(250.0, 0.0), time_step=(50, 400))]
+    )
+    both = run_of(scenario, "idm,rate=600,duration=10", agents="all")
+    assert [agent.origin for agent in both.agents if agent.id == 9] == ["planning problem"]
+    alone = run_of(scenario, "idm,rate=600,duration=10")
+    assert not {3, 9} & set(alone.states.participant_id.tolist())
+    with pytest.raises(idr.InputError, match="must be at least 1"):
+        idr.simulate(scenario, agents=0)
+
+
+def test_a_run_folder_keeps_the_demand_and_repeats(tmp_path):
+    run = run_of(road(300.0), "idm,rate=600,duration=10")
+    run.save(tmp_path / "run")
+    again = idr.load(tmp_path / "run")
+    np.testing.assert_array_equal(again.demand.entered, run.demand.entered)
+    assert again.demand.kind == run.demand.kind
+    assert lane_flows(again) == pytest.approx(lane_flows(run), nan_ok=True) or repr(lane_flows(again)) == repr(
+        lane_flows(run)
+    )
+    assert "planner" in run.settings
+    assert run.settings["settings"]["traffic.rate"] == 600.0
+
+
+def test_turning_shares_decide_at_forks():
+    turns = {}
+    for share in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):
+        made = Simulation(
+            "t_junction", agents=0, traffic={"rate": 900.0, "turn": share, "mix": (1, 0, 0)}, threads=1
+        ).traffic
+        ends = {exit_id for lane, exit_id in zip(made.lane_ids, made.exit_ids, strict=True) if lane == 1}
+        turns[share] = ends
+    # From lanelet 1 the ways lead straight on to 4 and to the right to 6; there is none to the left.
+    assert turns[1, 0, 0] == {4}
+    assert turns[0, 0, 1] == {6}
+
+
+def test_a_lane_that_begins_within_the_map_is_no_entry():
+    lanelets = straight_road(200.0, 2)
+    before = replace(lanelets, predecessors=((), ()), successors=((), ()))
+    scenario = world(before, steps=0)
+    graph = LaneGraph(scenario.lanelets, idr.simulation.core_road(scenario, idr.SimulationSettings().road))
+    assert graph.entries == (1, 2)
+    assert graph.exits == {1, 2}
+
+
+@pytest.mark.parametrize(
+    ("traffic", "text"),
+    [
+        ("rates=[99:600]", "traffic.rates: lanelet 99 is no entry of tiny; entries are 1, 2"),
+        ("planner=idm", "traffic: there is none: give a rate or a density"),
+        ("recorded,rate=600", "traffic.planner: recorded follows recordings"),
+        ("nothing,rate=600", "traffic.planner: unknown planner 'nothing'"),
+        ("rat=600", "traffic: rat: no such setting; did you mean rate?"),
+        ("rate=600,duration=9999", "traffic.duration: 9999 s are 99990 time steps"),
+    ],
+)
+def test_bad_traffic_gives_one_line(traffic, text):
+    with pytest.raises(idr.InputError) as refused:
+        run_of(road(300.0), traffic)
+    assert text in str(refused.value)

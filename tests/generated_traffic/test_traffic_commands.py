@@ -1,0 +1,70 @@
+"""Traffic on the command line."""
+
+import pytest
+from click.testing import CliRunner
+
+import interdrive as idr
+from interdrive.cli import main
+
+QUICK = ["--predictor", "lane_following", "--threads", "1", "--set", "record.violations=false"]
+
+
+def call(*words):
+    return CliRunner().invoke(main, list(map(str, words)))
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_run_prints_flows_by_lane_and_verify_repeats_it(tmp_path):
+    traffic = "idm,rate=300,duration=15,mix=[1,0,0]"
+    done = call("run", "t_junction", "--agents", 0, "--traffic", traffic, "--out", "made", *QUICK)
+    assert done.exit_code == 0, done.output
+    assert "generated traffic by lane" in done.output
+    assert "goal_reached" in done.output
+    assert (tmp_path / "made/demand.parquet").is_file()
+    assert call("verify", "made").exit_code == 0
+
+
+def test_traffic_writes_a_scenario_that_can_be_run():
+    words = ["traffic", "t_junction", "--rate", 400, "--duration", 45, "--planner", "idm", "--set", "traffic.mix=1,0,0"]
+    done = call(*words, "--egos", 2, "--threads", 1, "--out", "made.xml")
+    assert done.exit_code == 0, done.output
+    assert "interdrive run made.xml --agents problems" in done.output
+    scenario = idr.read_scenario("made.xml")
+    assert len(scenario.planning_problems) == 2
+    assert len(scenario.obstacles.ids) > 5
+    assert scenario.obstacles.n_steps <= 451
+    assert "exists already" in call(*words, "--out", "made.xml").output
+    run = idr.simulate("made.xml", agents="problems", predictor="lane_following", threads=1)
+    assert "planner_error" not in run.outcomes.outcome
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["traffic", "t_junction", "--out", "a.xml"], "traffic: there is none; give --rate or --density"),
+        (["traffic", "t_junction", "--rate", "9999", "--out", "a.xml"], "traffic.rate: the rate must be"),
+        (["traffic", "t_junction", "--rate", "60", "--out", "a.txt"], "name a file that ends in .xml"),
+        (["run", "t_junction", "--traffic", "planner=idm"], "traffic: there is none"),
+        (["batch", "t_junction", "--seeds", "2", "--out", "b"], "seeds 2: a seed chooses a number of agents"),
+    ],
+)
+def test_bad_input_gives_one_line(words, text):
+    done = call(*words)
+    assert done.exit_code == 2
+    assert text in done.output
+    assert done.output.count("\n") == 1
+
+
+@pytest.mark.long
+def test_a_batch_makes_other_traffic_for_every_seed():
+    traffic = "idm,rate=300,duration=5"
+    words = ["batch", "t_junction", "--seeds", 2, "--traffic", traffic, "--planner", "idm", "--keep", "all"]
+    done = call(*words, "--predictor", "lane_following", "--workers", 1, "--out", "b", "--quiet")
+    assert done.exit_code == 0, done.output
+    table = idr.read_batch("b").to_pylist()
+    assert len({row["digest"] for row in table if "digest" in row}) != 1
+    assert {row["seed"] for row in table} == {0, 1}
