@@ -43,7 +43,9 @@ def cell(text: str) -> str:
 def commands() -> str:
     """Every command as `--help` prints it."""
     parts = []
-    for name, command in main.commands.items():
+    for name in main.list_commands(click.Context(main)):
+        command = main.get_command(click.Context(main), name)
+        assert command is not None
         context = click.Context(command, info_name=f"interdrive {name}", terminal_width=100, max_content_width=100)
         parts.append(f"### interdrive {name}\n\n```text\n{command.get_help(context)}\n```\n")
         for below, one in getattr(command, "commands", {}).items():

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import webbrowser
 from collections import Counter
 from copy import copy
 from dataclasses import dataclass, fields
 from functools import partial
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -62,6 +60,8 @@ class Run(RunRecord):
 
     def _repr_html_(self) -> str:
         """The line of `repr` and the table of outcomes, for notebooks."""
+        from html import escape  # noqa: PLC0415 - a long table of entities
+
         columns = ("agent_id", "planner", "outcome", "time_s", "partner_id", "impact_speed", "reason")
         return f"<p>{escape(repr(self))}</p>{html_table(columns, self.outcomes.to_arrow().to_pylist())}"
 
@@ -173,6 +173,8 @@ class Run(RunRecord):
             display(page)
             page.shown_in = cell
         else:
+            import webbrowser  # noqa: PLC0415
+
             webbrowser.open(page.path.as_uri())
         return page
 
@@ -238,6 +240,8 @@ class RunPage:
     def _repr_html_(self) -> str | None:
         if self.shown_in is not None and self.shown_in == _cell():
             return None
+        from html import escape  # noqa: PLC0415 - a long table of entities
+
         page = escape(self.path.read_text(encoding="utf-8"), quote=True)
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 720px; border: 0"></iframe>'
 

@@ -36,7 +36,6 @@ from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario, SourceOptions
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
-from interdrive.scoring.hits import hits_among
 from interdrive.traffic import Generated, entered_at, generated, map_alone
 
 if TYPE_CHECKING:
@@ -271,6 +270,8 @@ class Simulation:
         raw = self.world.outcomes()
         ended = set(raw["agent_id"][raw["partner_id"] >= 0].tolist()) & driving - set(self.world.driving)
         if ended:
+            from interdrive.scoring.hits import hits_among  # noqa: PLC0415 - few runs have contacts
+
             for hit in hits_among(self._recorded(with_violations=True), ended):
                 self.world.drive_on(hit.agent_id)
                 self._hits.append(hit)

@@ -77,7 +77,7 @@ def test_an_error_that_cannot_be_printed_is_one_line():
     assert done.stderr.startswith("error: this is a bug, please report it: Mute (")
 
 
-@pytest.mark.parametrize("module", ["interdrive.cli", "interdrive.cli.run", "interdrive.config.schema"])
+@pytest.mark.parametrize("module", ["interdrive.cli", "interdrive.cli.settings", "interdrive.config.schema"])
 def test_ctrl_c_while_modules_are_imported_is_one_line(module):
     done = ended(CTRL_C_IN_IMPORT.format(module=module), "settings")
     assert (done.returncode, done.stdout) == (130, "")

@@ -32,6 +32,7 @@ from interdrive.errors import ResultsError
 from interdrive.storage import (
     FolderKind,
     check_folder,
+    check_tables,
     not_a_link,
     one_line,
     read_json,
@@ -100,6 +101,7 @@ class BatchFolder:
             ResultsError: Something else is there, a symbolic link among it, or it cannot be written.
         """
         target = not_a_link(path)
+        check_tables()
         # Another batch may be making the same folder at this moment, also while it is looked at.
         for is_last in (False, True):
             inside = {entry.name for entry in target.iterdir()} if target.is_dir() else set()

@@ -8,6 +8,7 @@ Exit codes: 0 success; 1 an agent ended with planner_error, or `verify` found a 
 
 from __future__ import annotations
 
+import importlib
 import logging
 import os
 import sys
@@ -16,50 +17,41 @@ from typing import Any, NoReturn
 
 import click
 
-from interdrive.cli.adversaries import adversaries
-from interdrive.cli.alks import alks
-from interdrive.cli.batch import batch
-from interdrive.cli.benchmark import benchmark
-from interdrive.cli.check import check
-from interdrive.cli.compare import compare
-from interdrive.cli.convert import convert
-from interdrive.cli.criticality import criticality
-from interdrive.cli.explain import explain
-from interdrive.cli.export import export
-from interdrive.cli.join import join
-from interdrive.cli.models import models
-from interdrive.cli.page import report
-from interdrive.cli.panel import panel
-from interdrive.cli.plot import plot
-from interdrive.cli.plugins import planners, predictors
-from interdrive.cli.predict_eval import predict_eval
-from interdrive.cli.preventability import preventability
-from interdrive.cli.problem import problem
-from interdrive.cli.realism import realism
-from interdrive.cli.rerun import rerun
-from interdrive.cli.run import run
-from interdrive.cli.score import score
-from interdrive.cli.search import search
-from interdrive.cli.settings import settings
-from interdrive.cli.solution import solution
-from interdrive.cli.sql import sql
-from interdrive.cli.study import study
 from interdrive.cli.terminal import say
-from interdrive.cli.traffic import traffic
-from interdrive.cli.verify import verify
 from interdrive.errors import InterdriveError
 
 INTERRUPTED, READER_GONE = 130, 141
 
 
 class _Commands(click.Group):
-    """A group that turns every error that is not a bug into one line and an exit code."""
+    """A group that imports only the command that is called, and turns every error but bugs into one line and a code."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands, in the order of `--help`."""
+        return [name for members in _GROUPS.values() for name in members]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of a name."""
+        texts = {name: text for members in _GROUPS.values() for name, text in members.items()}
+        if cmd_name not in texts:
+            return None
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(importlib.import_module(f"interdrive.cli.{_HOME.get(name, name)}"), name)
+        command.short_help = texts[cmd_name]
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does, which suggests names that are similar to a wrong one."""
+        self.commands = dict.fromkeys(self.list_commands(ctx), self)
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Lists the commands by what they are for."""
         for title, members in _GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl([(command.name or "", text) for command, text in members])
+                formatter.write_dl(list(members.items()))
 
     def main(self, *args: Any, **kwargs: Any) -> NoReturn:  # noqa: ANN401 - click's signature
         """Runs a command and exits; usage errors of click are one line, too."""
@@ -117,49 +109,47 @@ def main() -> None:
 
 #: Commands by what they are for, in the order of `interdrive --help`, with the line that says what they do there.
 _GROUPS = {
-    "Run": (
-        (run, "Simulate a scenario in which vehicles plan for themselves."),
-        (check, "Inspect scenario files and list possible agents."),
-        (convert, "Convert a map or a recording of another tool to CommonRoad."),
-        (problem, "Put planning problems on a map, from lane to lane."),
-        (traffic, "Fill a map with generated traffic, as a scenario file."),
-        (join, "Join consecutive recordings into one file."),
-        (verify, "Repeat a run and compare all states."),
-        (rerun, "Repeat the run of an older folder with this version."),
-        (study, "Replay an encounter at three degrees of interaction."),
-    ),
-    "Look at a run": (
-        (report, "Write a run or a batch as an interactive HTML page."),
-        (explain, "Explain why agents ended as they did."),
-        (plot, "Draw a figure for a paper."),
-        (criticality, "Measure how close traffic came to accidents."),
-        (score, "Score agents from 0 to 100, with reasons."),
-        (preventability, "Say what reference drivers would have avoided."),
-        (solution, "Export a run as a CommonRoad solution."),
-        (export, "Write the traffic of a run for other tools: OSI, CSV."),
-    ),
-    "Compare": (
-        (batch, "Run many scenarios with several planners."),
-        (compare, "Compare the planners of a batch, with confidence intervals."),
-        (sql, "Query the results of a batch with SQL."),
-        (benchmark, "Score a planner on a fixed set of scenarios."),
-        (panel, "Store what reference drivers reach on a set."),
-        (search, "Search failures of a planner that are its fault."),
-        (adversaries, "Check that bad drivers rank below honest ones."),
-        (alks, "Drive the manoeuvres of UN R157 over a grid."),
-        (predict_eval, "Compare predictions with recordings."),
-        (realism, "Measure how far planners drive from recorded people."),
-    ),
-    "Look up": (
-        (settings, "List settings with defaults, units and meaning."),
-        (planners, "List planners, or the settings of one."),
-        (predictors, "List predictors, or the settings of one."),
-        (models, "List or install published weights."),
-    ),
+    "Run": {
+        "run": "Simulate a scenario in which vehicles plan for themselves.",
+        "check": "Inspect scenario files and list possible agents.",
+        "convert": "Convert a map or a recording of another tool to CommonRoad.",
+        "problem": "Put planning problems on a map, from lane to lane.",
+        "traffic": "Fill a map with generated traffic, as a scenario file.",
+        "join": "Join consecutive recordings into one file.",
+        "verify": "Repeat a run and compare all states.",
+        "rerun": "Repeat the run of an older folder with this version.",
+        "study": "Replay an encounter at three degrees of interaction.",
+    },
+    "Look at a run": {
+        "report": "Write a run or a batch as an interactive HTML page.",
+        "explain": "Explain why agents ended as they did.",
+        "plot": "Draw a figure for a paper.",
+        "criticality": "Measure how close traffic came to accidents.",
+        "score": "Score agents from 0 to 100, with reasons.",
+        "preventability": "Say what reference drivers would have avoided.",
+        "solution": "Export a run as a CommonRoad solution.",
+        "export": "Write the traffic of a run for other tools: OSI, CSV.",
+    },
+    "Compare": {
+        "batch": "Run many scenarios with several planners.",
+        "compare": "Compare the planners of a batch, with confidence intervals.",
+        "sql": "Query the results of a batch with SQL.",
+        "benchmark": "Score a planner on a fixed set of scenarios.",
+        "panel": "Store what reference drivers reach on a set.",
+        "search": "Search failures of a planner that are its fault.",
+        "adversaries": "Check that bad drivers rank below honest ones.",
+        "alks": "Drive the manoeuvres of UN R157 over a grid.",
+        "predict-eval": "Compare predictions with recordings.",
+        "realism": "Measure how far planners drive from recorded people.",
+    },
+    "Look up": {
+        "settings": "List settings with defaults, units and meaning.",
+        "planners": "List planners, or the settings of one.",
+        "predictors": "List predictors, or the settings of one.",
+        "models": "List or install published weights.",
+    },
 }
-for _members in _GROUPS.values():
-    for _command, _text in _members:
-        _command.short_help = _text
-        main.add_command(_command)
+#: Modules of commands that are not called as their command is.
+_HOME = {"report": "page", "planners": "plugins", "predictors": "plugins"}
 
 __all__ = ["main"]

@@ -77,7 +77,13 @@ def id_list(option: str, text: str) -> list[int]:
 
 @contextmanager
 def claimed_folder(
-    out: str | None, name: str, kind: FolderKind, *, overwrite: bool = False, inputs: Iterable[str | Path] = ()
+    out: str | None,
+    name: str,
+    kind: FolderKind,
+    *,
+    overwrite: bool = False,
+    inputs: Iterable[str | Path] = (),
+    tables: bool = True,
 ) -> Iterator[Path]:
     """Claims the folder of `--out`, or a new one under out/, numbered if necessary; yields its absolute path.
 
@@ -87,12 +93,16 @@ def claimed_folder(
         kind: What it is to hold.
         overwrite: The folder of `--out` may be replaced.
         inputs: Files that are read, none of which may be replaced.
+        tables: Check now that tables can be written.
 
     Raises:
-        ResultsError: Another process has claimed it, it cannot be used, or an input lies in it.
+        ResultsError: Tables cannot be written, another process has claimed it, it cannot be used, or an input lies in
+            it.
     """
-    from interdrive.storage import claimed, claimed_new  # noqa: PLC0415 - numpy
+    from interdrive.storage import check_tables, claimed, claimed_new  # noqa: PLC0415 - numpy
 
+    if tables:
+        check_tables()
     if out is None:
         with claimed_new(Path("out") / name, kind) as folder:
             yield folder

@@ -147,7 +147,12 @@ def run(
     read += named_files(config, vars(choices), *map(vars, own.values()), flatten(settings))
     with (
         claimed_folder(
-            choices.out, Path(choices.scenario).stem, RUN_FOLDER, overwrite=choices.overwrite, inputs=read
+            choices.out,
+            Path(choices.scenario).stem,
+            RUN_FOLDER,
+            overwrite=choices.overwrite,
+            inputs=read,
+            tables=False,  # checked after the first step
         ) as folder,
         progress(quiet=quiet) as report,
     ):
@@ -163,7 +168,7 @@ def run(
             on_planner_error="raise" if raises else "end_agent",
         )
         try:
-            done = simulation.run(report.step)
+            done = simulation.run(_checking_tables(report.step))
         except RunInterrupted as stop:
             if stop.run.states.n_steps < 2:
                 raise KeyboardInterrupt from None
@@ -196,6 +201,17 @@ def run(
 
             print_costs(done)
     return 1 if "planner_error" in done.outcomes.outcome else 0
+
+
+def _checking_tables(on_step: Callable[[int, int, int, int], None]) -> Callable[[int, int, int, int], None]:
+    """Calls also `check_tables`, whose imports take a tenth of a second: so after the first step, not before it."""
+    from interdrive.storage import check_tables  # noqa: PLC0415
+
+    def stepped(*numbers: int) -> None:
+        on_step(*numbers)
+        check_tables()
+
+    return stepped
 
 
 def _configured(

@@ -6,16 +6,18 @@ import ast
 import copy
 import difflib
 import importlib
-import importlib.metadata
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from interdrive.config.binding import bind, constructed, description, dotted
 from interdrive.errors import InputError, InterdriveError, MissingExtraError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 #: The planner of agents for which none is chosen.
 DEFAULT_PLANNER = "rollout"
@@ -159,6 +161,8 @@ def versions(name: str, what: str) -> dict[str, str]:
         name: As given by the user.
         what: "planner" or "predictor".
     """
+    import importlib.metadata  # noqa: PLC0415 - takes longer than all other imports here
+
     if ":" in name:
         package = name.partition(":")[0].partition(".")[0]
         distributions = importlib.metadata.packages_distributions().get(package, [])
@@ -207,17 +211,19 @@ def listed(native: Mapping[str, str], what: str) -> list[Listed]:
     return found
 
 
-def _entry_points(what: str) -> list[importlib.metadata.EntryPoint]:
+def _entry_points(what: str) -> list[EntryPoint]:
     """Entry points of installed distributions, by name and source, without duplicates on the path."""
+    import importlib.metadata  # noqa: PLC0415 - takes longer than all other imports here
+
     found = {(e.name, _source(e), e.value): e for e in importlib.metadata.entry_points(group=f"interdrive.{what}s")}
     return [found[key] for key in sorted(found)]
 
 
-def _source(entry_point: importlib.metadata.EntryPoint) -> str:
+def _source(entry_point: EntryPoint) -> str:
     return f"{entry_point.dist.name} {entry_point.dist.version}" if entry_point.dist else "an unknown distribution"
 
 
-def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # noqa: ANN401 - whatever was registered
+def _loaded(entry_point: EntryPoint, what: str) -> Any:  # noqa: ANN401 - whatever was registered
     name = entry_point.name
     try:
         return entry_point.load()
@@ -230,14 +236,14 @@ def _loaded(entry_point: importlib.metadata.EntryPoint, what: str) -> Any:  # no
         raise InputError(f"{what} {name}", f"its entry point cannot be loaded ({_failure(error)})") from error
 
 
-def _missing_extra(entry_point: importlib.metadata.EntryPoint) -> str:
+def _missing_extra(entry_point: EntryPoint) -> str:
     """What to install, if the distribution has an extra of the same name that is not installed; else ""."""
     if entry_point.dist is not None and not all(_versions(_extra(entry_point)).values()):
         return f"needs the extra: pip install {entry_point.dist.name}[{entry_point.name}]"
     return ""
 
 
-def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
+def _extra(entry_point: EntryPoint) -> list[str]:
     """Distributions required by the extra of the same name; none if there is no such extra."""
     name, distribution = entry_point.name, entry_point.dist
     if distribution is None or name not in (distribution.metadata.get_all("Provides-Extra") or ()):
@@ -250,6 +256,8 @@ def _extra(entry_point: importlib.metadata.EntryPoint) -> list[str]:
 
 def _versions(distributions: Iterable[str]) -> dict[str, str]:
     """Their versions; "" for distributions that are not installed."""
+    import importlib.metadata  # noqa: PLC0415 - takes longer than all other imports here
+
     found = dict.fromkeys(distributions, "")
     for distribution in found:
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -155,6 +154,8 @@ class Criticality(Tabled):
             for row, participant in enumerate(self.participant_id.tolist())
         ]
         names = ("participant_id", *heads.values())
+        from html import escape  # noqa: PLC0415 - a long table of entities
+
         return f"<p>{escape(repr(self))}</p>{html_head(names, rows, len(rows))}"
 
     def to_arrow(self) -> ArrowTable:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -100,6 +99,8 @@ def write_solution(
         about["date"] = date.strftime("%Y-%m-%dT%H:%M:%S")
     if processor is not None:
         about["processor_name"] = processor
+    from xml.sax.saxutils import quoteattr  # noqa: PLC0415 - loads what reads from the network
+
     lines = ["<?xml version='1.0' encoding='utf-8'?>"]
     lines.append(f"<CommonRoadSolution {' '.join(f'{name}={quoteattr(value)}' for name, value in about.items())}>")
     for (problem, agent), number in zip(drives, driven, strict=True):

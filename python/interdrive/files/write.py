@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -154,6 +153,8 @@ def _document(scenario: Scenario, header: Header, elements: Sequence[str]) -> by
         "benchmarkID": scenario.benchmark_id,
         "date": header.date,
     }
+    from xml.sax.saxutils import quoteattr  # noqa: PLC0415 - loads what reads from the network
+
     opening = " ".join(f"{name}={quoteattr(value)}" for name, value in attributes.items())
     parts = [
         "<?xml version='1.0' encoding='UTF-8'?>",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import os
 import platform
 from functools import cache
@@ -259,6 +258,8 @@ def _shape(shape: Shape) -> dict[str, Any]:
 
 
 def _version(package: str) -> str | None:
+    import importlib.metadata  # noqa: PLC0415 - for run.json alone
+
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:

@@ -7,7 +7,6 @@ can be absent. Schemas, the run folder and its checks, the data set of a batch a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from html import escape
 from typing import TYPE_CHECKING, ClassVar
 
 from interdrive.run.rules import RULES, VIOLATIONS
@@ -79,6 +78,8 @@ class Tabular(Record, Tabled):
         """The first rows, for notebooks; None without a run."""
         if self._as_table is None:
             return None
+        from html import escape  # noqa: PLC0415 - a long table of entities
+
         table = self.to_arrow()
         rows = table.slice(0, _SHOWN_ROWS).to_pylist()
         return f"<p>{escape(repr(self))}</p>{html_head(table.column_names, rows, table.num_rows)}"

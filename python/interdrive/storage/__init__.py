@@ -20,7 +20,15 @@ from interdrive.storage.columns import (
     truth,
     without,
 )
-from interdrive.storage.folders import FolderKind, check_folder, claimed, claimed_new, keep_inputs, whole_folder
+from interdrive.storage.folders import (
+    FolderKind,
+    check_folder,
+    check_tables,
+    claimed,
+    claimed_new,
+    keep_inputs,
+    whole_folder,
+)
 from interdrive.storage.frames import Tabled
 from interdrive.storage.origin import Origin, changed_settings, is_of, origin_of, units_of
 from interdrive.storage.reading import read_json
@@ -53,6 +61,7 @@ __all__ = [
     "check_folder",
     "check_order",
     "check_table",
+    "check_tables",
     "check_values",
     "claimed",
     "claimed_new",
