@@ -386,7 +386,7 @@ def test_files_that_are_no_scenarios_are_rows_with_their_reason(tmp_path):
         (["t_junction", "--planner", "frenet,levl=1"], "levl"),
         (["t_junction", "--planner", "frenet,,idm"], "nothing before or after a comma"),
         (["t_junction", "--planner", "idm,idm"], "planner idm is given twice"),
-        (["t_junction", "--traffic", "wild"], "expected one of recorded, velocity_adjusting, same"),
+        (["t_junction", "--traffic", "wild"], "expected one of replay, recorded, velocity_adjusting, same"),
         (["t_junction", "--traffic", "recorded"], "no vehicles are left as traffic"),
         (["t_junction", "--agents", "0"], "expected all, reachable or a number of at least 1"),
         (["t_junction", "--seeds", "3"], "a seed chooses a number of agents"),

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.long
 
 
 def test_released_sets_are_known_by_their_content():
-    assert set_names() == ("public-1", "shipped-2")
+    assert set_names() == ("public-1", "public-2", "shipped-2")
     public = read_set("public-1")
     assert (len(public.files), len(public.of_split("test"))) == (92, 34)
     assert sum(len(file.agents) for file in public.files) == 1125
@@ -29,9 +29,24 @@ def test_released_sets_are_known_by_their_content():
     assert {len(file.source) for file in public.files} == {3}
 
 
-def test_no_place_is_in_both_splits():
+def test_public_2_has_passages_of_three_recordings_and_a_weight_for_each_class():
+    found = read_set("public-2")
+    assert found.sha256 == "3c95b1b3c4d8c3bf54d668dfcb6a971edeb3e9323e6a92a3c7fd0c620c95e197"
+    assert {name: len(one.parts) for name, one in found.recordings.items()} == {
+        "MONAEast": 30, "MONAMerge": 14, "AachenBendplatz": 12,
+    }  # fmt: skip
+    passages = [file for file in found.files if file.passage is not None]
+    assert (len(passages), len(found.files)) == (164, 241)
+    assert {file.road_class for file in found.files} == found.weights.keys()
+    assert {*found.counted} < {*found.traffic} and sum(found.weights.values()) == pytest.approx(1.0)
+    assert not any(file.category == "format_edge_cases" for file in found.files)
+    assert max(len(file.agents) for file in found.files) == 5
+
+
+@pytest.mark.parametrize("name", ["public-1", "public-2"])
+def test_no_place_is_in_both_splits(name):
     parts = {}
-    for file in read_set("public-1").files:
+    for file in read_set(name).files:
         parts.setdefault(file.place, set()).add(file.split)
     assert {len(part) for part in parts.values()} == {1}
 
@@ -79,7 +94,7 @@ def test_a_benchmark_has_a_number_an_interval_and_the_command_that_repeats_it(tm
     ("arguments", "said"),
     [
         ([], "name a planner"),
-        (["idm", "--set", "private-1"], "there are public-1, shipped-2"),
+        (["idm", "--set", "private-1"], "there are public-1, public-2, shipped-2"),
         (["idm", "--split", "train"], "expected one of test, dev, all"),
         (["idm", "--split", "test"], "shipped-2 has no scenarios; use all"),
         (["idm", "--set", "public-1", "--scenarios", "no/such/folder"], "no such folder"),

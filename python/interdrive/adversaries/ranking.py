@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST
 from interdrive.adversaries.trial import PREDICTOR, TRAFFIC, Drive, Place, trial
-from interdrive.benchmarks.sets import find_files, read_set
+from interdrive.benchmarks.passages import PASSAGES, located
+from interdrive.benchmarks.sets import read_set
 from interdrive.comparison.intervals import PLACES_MIN, mean_interval, mean_of_files
 from interdrive.errors import InputError
 from interdrive.panel import PANEL, PanelFolder
@@ -133,34 +136,39 @@ def rank_adversaries(
     for name, number in (("files", files), ("agents", agents), ("workers", workers)):
         if number is not None and number < 1:
             raise InputError(name, f"must be at least 1, is {number}")
-    wanted = read_set(set).of_split(split)
-    found, missing = find_files(wanted, scenarios)
-    there = [file for file in wanted if file.sha256 in found]
-    if not there:
-        raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
-    if files is not None and files < len(there):
-        there = [there[k] for k in np.linspace(0, len(there) - 1, files).round().astype(int).tolist()]
-    places = [
-        Place(found[file.sha256], file.name, file.place, number) for file in there for number in file.agents[:agents]
-    ]
-    stored = PanelFolder.open(panel) if panel is not None else None
-    if stored is None and out is not None:
-        stored = PanelFolder.create(Path(out) / "panel", PANEL, f"{set}, split {split}, {TRAFFIC}, {PREDICTOR}")
-    rows: list[Drive] = []
-    problems = list(missing)
-    for done, answer in enumerate(_trials(places, workers, stored), start=1):
-        if isinstance(answer, str):
-            problems.append(answer)
-        else:
-            rows += answer
-        if on_place is not None:
-            on_place(done, len(places))
-    if not rows:
-        raise InputError(f"set {set}: no agent of it can be driven; {problems[0]}")
-    ranking = ranked(rows, problems)
-    if out is not None:
-        _save(ranking, Path(out), f"{set}, split {split}")
-    return ranking
+    chosen = read_set(set)
+    wanted = chosen.of_split(split)
+    with TemporaryDirectory() if out is None else nullcontext(Path(out).parent) as folder:
+        there, found, missing = located(chosen, wanted, scenarios, Path(folder) / PASSAGES)
+        if not there:
+            raise InputError(
+                f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios"
+            )
+        if files is not None and files < len(there):
+            there = [there[k] for k in np.linspace(0, len(there) - 1, files).round().astype(int).tolist()]
+        places = [
+            Place(found[file.sha256], file.name, file.place, number)
+            for file in there
+            for number in file.agents[:agents]
+        ]
+        stored = PanelFolder.open(panel) if panel is not None else None
+        if stored is None and out is not None:
+            stored = PanelFolder.create(Path(out) / "panel", PANEL, f"{set}, split {split}, {TRAFFIC}, {PREDICTOR}")
+        rows: list[Drive] = []
+        problems = list(missing)
+        for done, answer in enumerate(_trials(places, workers, stored), start=1):
+            if isinstance(answer, str):
+                problems.append(answer)
+            else:
+                rows += answer
+            if on_place is not None:
+                on_place(done, len(places))
+        if not rows:
+            raise InputError(f"set {set}: no agent of it can be driven; {problems[0]}")
+        ranking = ranked(rows, problems)
+        if out is not None:
+            _save(ranking, Path(out), f"{set}, split {split}")
+        return ranking
 
 
 def _trials(places: Sequence[Place], workers: int | None, stored: PanelFolder | None) -> Iterable[list[Drive] | str]:

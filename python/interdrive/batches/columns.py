@@ -57,7 +57,7 @@ RUN_COLUMNS = (
     Column("predictor", "label", "predictor, as given"),
     Column("settings", "label", "settings of the batch that are not the defaults, NAME=VALUE each; empty: none"),
     Column(
-        "traffic", "label", "behaviour of vehicles not under test: recorded, velocity_adjusting or same", labels=TRAFFIC
+        "traffic", "label", "behaviour of vehicles not under test: recorded, same, or a native planner", labels=TRAFFIC
     ),
     Column("agents", "label", "agents under test: all, a number, or alone: one agent per run"),
     Column("seed", "integer", "chooses a number of agents; 0 where each is alone"),

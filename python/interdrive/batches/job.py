@@ -199,7 +199,7 @@ def simulated(spec: RunSpec, scenario: Scenario) -> tuple[Run, set[int]]:
         # A planning problem without a recorded vehicle is not part of the traffic: it has no recording to replay.
         others = [agent.id for agent in able if agent.id not in ids and agent.id in recorded]
     planner: PlannersSpec = spec.planner
-    if spec.traffic == "velocity_adjusting":
+    if spec.traffic not in ("recorded", "same"):
         by_agent: dict[int | str, PlannerSpec] = dict.fromkeys(
             (n for n in ids if not follows or n in recorded), spec.planner
         )

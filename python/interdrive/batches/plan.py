@@ -26,6 +26,7 @@ from interdrive.files import (
     scenario_parts,
     shipped_scenarios,
 )
+from interdrive.planners import NATIVE
 from interdrive.planners.workers import can_be_sent
 from interdrive.predictors.neural import SHIPPED
 from interdrive.storage.names import path_of, readable
@@ -41,8 +42,11 @@ FORMAT = 6
 #: The layout before, whose `score` is `score_1` now: such data sets are read, but nothing is added to them.
 FORMER = 5
 
-#: What vehicles do that could be agents but are not under test.
-TRAFFIC = ("recorded", "velocity_adjusting", "same")
+#: What vehicles do that could be agents but are not under test: replay their recordings (`REPLAY` is another word for
+#: that), drive by the planner under test, or by a native planner.
+_FIRST = ("recorded", "velocity_adjusting", "same")
+TRAFFIC = (*_FIRST, *(name for name in NATIVE if name not in (*_FIRST, "policy")))
+REPLAY = "replay"
 
 #: What tables call runs in which one agent of several is under test.
 ALONE = "alone"
@@ -214,8 +218,7 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int, is_
     """Agents and traffic, checked together; with generated traffic (`is_drawn`) every seed makes another run."""
     if agents not in ("all", "reachable") and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
         raise InputError(f"agents: expected all, reachable or a number of at least 1, not {agents!r}")
-    if traffic is not None and traffic not in TRAFFIC:
-        raise InputError(f"traffic: expected one of {', '.join(TRAFFIC)}, not {traffic!r}")
+    traffic = traffic_kind(traffic)
     if seeds < 1:
         raise InputError(f"seeds: expected at least 1, not {seeds}")
     together = agents == "all" and not alone
@@ -229,6 +232,19 @@ def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int, is_
             f"seeds {seeds}: a seed chooses a number of agents; with agents {agents} every run would be equal"
         )
     return agents, traffic or ("same" if together else "recorded")
+
+
+def traffic_kind(given: str | None) -> str | None:
+    """How traffic is called in tables; None stays None.
+
+    Raises:
+        InputError: There is no such traffic, or its planner is not native.
+    """
+    if given == REPLAY:
+        return "recorded"
+    if given is not None and given not in TRAFFIC:
+        raise InputError(f"traffic: expected one of {REPLAY}, {', '.join(TRAFFIC)}, not {given!r}")
+    return given
 
 
 def scenario_files(paths: Iterable[str | Path]) -> tuple[list[ScenarioFile], list[str]]:

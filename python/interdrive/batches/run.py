@@ -126,9 +126,9 @@ def batch(
             from labels to planners.
         predictor: The same for predictors.
         agents: Agents under test: "all", or a maximum number of vehicles per scenario, chosen with the seed.
-        traffic: Behaviour of vehicles that could be agents but are not under test: "recorded" (replay, the default),
-            "velocity_adjusting" (that planner) or "same" (the planner under test). With all agents no vehicles are left
-            and it is "same".
+        traffic: Behaviour of vehicles that could be agents but are not under test: "recorded" or "replay" (the
+            default), a native planner such as "velocity_adjusting" or "idm", or "same" (the planner under test). With
+            all agents no vehicles are left and it is "same".
         alone: Simulate each agent under test in a run of its own, in which all others are traffic.
         seeds: Number of seeds, which choose agents: 0 to `seeds - 1`.
         settings: Settings, or a mapping of dotted names.

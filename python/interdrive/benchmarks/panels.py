@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from interdrive.batches.job import Job, read_scenario_of, simulated
 from interdrive.batches.plan import planned
-from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE
-from interdrive.benchmarks.sets import find_files, read_set
+from interdrive.benchmarks.passages import PASSAGES, located
+from interdrive.benchmarks.sets import NON_REACTIVE, REACTIVE, read_set
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, InterdriveError
 from interdrive.panel import PANEL, PanelFolder, World, panel_drives
@@ -52,6 +52,7 @@ def store_panel(
     out: str | Path = "out/panel",
     workers: int | None = None,
     on_place: Callable[[int, int], None] | None = None,
+    on_recording: Callable[[str], None] | None = None,
 ) -> StoredPanel:
     """Drives the panel in the place of every agent of a set and stores it; what is stored already is not driven.
 
@@ -66,6 +67,7 @@ def store_panel(
         out: Folder of the panel.
         workers: Processes; all cores by default.
         on_place: Called after every agent with how many are done, and how many there are.
+        on_recording: Called with the name of a recording before it is joined.
 
     Raises:
         InputError: An unknown set or split, none of its files was found, or another panel is in the folder.
@@ -73,8 +75,7 @@ def store_panel(
     """
     chosen = read_set(set)
     wanted = chosen.of_split(split)
-    found, missing = find_files(wanted, scenarios)
-    there = [file for file in wanted if file.sha256 in found]
+    there, found, missing = located(chosen, wanted, scenarios, Path(out).parent / PASSAGES, on_recording)
     if not there:
         raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
     about = f"{set} {chosen.sha256[:12]}, split {split}, traffic {' and '.join(traffic)}, predictor {predictor}"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from interdrive import _core
+from interdrive.benchmarks.ranking import Standings
+from interdrive.benchmarks.sets import NON_REACTIVE, REACTIVE
 from interdrive.comparison.paper import paper_table
 from interdrive.comparison.scores import among, own_agents, planner_score
 from interdrive.comparison.variants import ALL
@@ -17,17 +19,18 @@ from interdrive.comparison.variants import ALL
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.benchmarks.sets import SetFile
+    from interdrive.benchmarks.ranking import Ranking
+    from interdrive.benchmarks.sets import BenchmarkSet, SetFile
     from interdrive.comparison.paper import PaperTable
     from interdrive.comparison.scores import PlannerScore
 
     _Agents = Mapping[str, set[tuple[int, int]]]
 
-#: Traffic that replays its recording, and traffic that adjusts its speed; the number is that of the last.
-NON_REACTIVE, REACTIVE = "recorded", "velocity_adjusting"
-
 #: The planner that replays what humans drove.
 _HUMAN = "recorded"
+
+#: The traffic of sets that state none.
+_USUAL = (NON_REACTIVE, REACTIVE)
 
 #: Numbers among reacting traffic, which a replayed human does not have: it does not react.
 _REACTIVE = ("score", "score_1", "low", "high", "reached", "at_fault", "ttc_critical", "jerk")
@@ -57,6 +60,9 @@ class Row:
             have no row and are no zeros.
         n_common: Agents that all planners of the benchmark can drive; 0 if that is not known.
         common: `score` over those. common_non_reactive: `non_reactive` over those.
+        by_traffic: Its score in each kind of traffic, with the weights of classes in sets that have any.
+        total: The number of sets with weights: the mean of `by_traffic` over the traffic that counts; nan in other sets
+            and in single categories. total_low: End of its interval over places. total_high: Other end.
     """
 
     planner: str
@@ -82,28 +88,91 @@ class Row:
     score_1_non_reactive: float = math.nan
     hindrance: float = math.nan
     hits: float = math.nan
+    by_traffic: Mapping[str, float] = field(default_factory=dict)
+    total: float = math.nan
+    total_low: float = math.nan
+    total_high: float = math.nan
 
     @property
     def number(self) -> float:
-        """The number of the planner: its score among reacting traffic."""
-        return self.score
+        """The number of the planner: `total` in sets with weights, otherwise its score among reacting traffic."""
+        return self.score if math.isnan(self.total) else self.total
 
     @property
     def columns(self) -> dict[str, float]:
         """The score by kind of traffic; nan where it has none."""
-        return {NON_REACTIVE: self.non_reactive, REACTIVE: self.score}
+        return dict(self.by_traffic) or {NON_REACTIVE: self.non_reactive, REACTIVE: self.score}
 
 
-def planner_rows(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile]) -> list[Row]:
-    """Per planner all categories together, then each of several."""
+def planner_rows(
+    rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile], traffic: Sequence[str] = _USUAL
+) -> list[Row]:
+    """Per planner all categories together, then each of several; `traffic` is what was driven."""
     categories = sorted({file.category for file in there})
-    own = {label: _own(rows, label, there) for label in labels}
+    own = {label: _own(rows, label, there, traffic) for label in labels}
     common = {file.sha256: set.intersection(*(agents[file.sha256] for agents in own.values())) for file in there}
     found = []
     for label in labels:
         for category in [ALL, *categories] if len(categories) > 1 else [ALL]:
             part = [file for file in there if category in (ALL, file.category)]
-            found.append(_row(rows, label, category, part, own[label], common))
+            found.append(_row(rows, label, category, part, own[label], common, traffic))
+    return found
+
+
+def standings(
+    rows: Mapping[str, Any],
+    labels: Sequence[str],
+    there: Sequence[SetFile],
+    chosen: BenchmarkSet,
+    traffic: Sequence[str] = _USUAL,
+) -> Standings:
+    """Scores of planners in each kind of traffic by file, or by place in sets with weights.
+
+    Args:
+        rows: Columns of the data set as arrays.
+        labels: Planners.
+        there: Files of the set that were driven.
+        chosen: The set.
+        traffic: What was driven.
+    """
+    is_weighted = bool(chosen.weights)
+    units = sorted({(file.place if is_weighted else file.sha256, file.place, file.road_class) for file in there})
+    values = np.full((len(labels), len(traffic), len(units)), math.nan)
+    unit_of = {file.sha256: file.place if is_weighted else file.sha256 for file in there}
+    number = {name: u for u, (name, _, _) in enumerate(units)}
+    for p, label in enumerate(labels):
+        own = _own(rows, label, there, traffic)
+        for c, kind in enumerate(traffic):
+            if kind not in _judged_in(label, traffic):
+                continue
+            one = planner_score(rows, _mine(rows, label, kind, there), own, {file.sha256: file.place for file in there})
+            inside: dict[int, list[float]] = {}
+            for sha256, score in one.by_scenario.items():
+                inside.setdefault(number[unit_of[sha256]], []).append(100.0 * score)
+            for u, scores in inside.items():
+                values[p, c, u] = float(np.mean(scores))
+    return Standings(
+        planners=tuple(labels),
+        traffic=tuple(traffic),
+        values=values,
+        places=tuple(place for _, place, _ in units),
+        classes=tuple(road_class if is_weighted else "" for _, _, road_class in units),
+        weights=chosen.weights or {"": 1.0},
+        counted=chosen.counted if {*chosen.counted} <= {*traffic} else (),
+    )
+
+
+def with_totals(made: Sequence[Row], ranking: Ranking, *, is_weighted: bool) -> list[Row]:
+    """Rows of all categories with what the ranking says of them."""
+    ranks = {one.planner: one for one in ranking.ranks}
+    found = []
+    for row in made:
+        one = ranks[row.planner]
+        if row.category == ALL:
+            row = replace(row, by_traffic=dict(one.columns))  # noqa: PLW2901 - the same row with more of it
+            if is_weighted:
+                row = replace(row, total=one.number, total_low=one.low, total_high=one.high)  # noqa: PLW2901 - likewise
+        found.append(row)
     return found
 
 
@@ -141,9 +210,9 @@ def _listed(part: Sequence[SetFile]) -> _Agents:
     return {file.sha256: {(0, number) for number in file.agents} for file in part}
 
 
-def _traffic_of(label: str) -> tuple[str, ...]:
-    """The traffic among which a planner is judged: replayed humans do not react."""
-    return (NON_REACTIVE,) if label == _HUMAN else (NON_REACTIVE, REACTIVE)
+def _judged_in(label: str, traffic: Sequence[str]) -> tuple[str, ...]:
+    """The traffic among which a planner is judged, of what was driven: replayed humans do not react."""
+    return tuple(kind for kind in traffic if label != _HUMAN or kind == NON_REACTIVE)
 
 
 def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetFile]) -> Any:  # noqa: ANN401 - truths
@@ -157,22 +226,28 @@ def _mine(rows: Mapping[str, Any], label: str, traffic: str, part: Sequence[SetF
     return (rows["planner"] == label) & (rows["traffic"] == traffic) & listed
 
 
-def _own(rows: Mapping[str, Any], label: str, part: Sequence[SetFile]) -> _Agents:
+def _own(rows: Mapping[str, Any], label: str, part: Sequence[SetFile], traffic: Sequence[str] = _USUAL) -> _Agents:
     """The agents that a planner can drive in each traffic among which it is judged; lost ones are among them."""
     listed = _listed(part)
-    each = [own_agents(rows, _mine(rows, label, traffic, part), listed) for traffic in _traffic_of(label)]
-    return {name: set.intersection(*(agents[name] for agents in each)) for name in listed}
+    each = [own_agents(rows, _mine(rows, label, kind, part), listed) for kind in _judged_in(label, traffic)]
+    return {name: set.intersection(*(agents[name] for agents in each)) if each else set() for name in listed}
 
 
 def _scores(
-    rows: Mapping[str, Any], label: str, part: Sequence[SetFile], agents: _Agents, *, only: bool = False
+    rows: Mapping[str, Any],
+    label: str,
+    part: Sequence[SetFile],
+    agents: _Agents,
+    *,
+    only: bool = False,
+    driven: Sequence[str] = _USUAL,
 ) -> dict[str, PlannerScore]:
     """The score of some agents by traffic, of others as well unless `only`; what traffic did does not count."""
     places = {file.sha256: file.place for file in part}
     here = {file.sha256: agents[file.sha256] for file in part}
     found = {}
     for traffic in (NON_REACTIVE, REACTIVE):
-        judged = traffic in _traffic_of(label)
+        judged = traffic in _judged_in(label, driven)
         mine = _mine(rows, label, traffic, part) & judged
         if only:
             mine &= among(rows, here)
@@ -181,9 +256,16 @@ def _scores(
 
 
 def _row(
-    rows: Mapping[str, Any], label: str, category: str, part: Sequence[SetFile], own: _Agents, common: _Agents
+    rows: Mapping[str, Any],
+    label: str,
+    category: str,
+    part: Sequence[SetFile],
+    own: _Agents,
+    common: _Agents,
+    driven: Sequence[str] = _USUAL,
 ) -> Row:
-    scores, shared = _scores(rows, label, part, own), _scores(rows, label, part, common, only=True)
+    scores = _scores(rows, label, part, own, driven=driven)
+    shared = _scores(rows, label, part, common, only=True, driven=driven)
     reactive = scores[REACTIVE]
     counted = scores[NON_REACTIVE] if label == _HUMAN else reactive
 
@@ -244,6 +326,8 @@ def from_plain(row: Mapping[str, Any], there: Sequence[SetFile]) -> Row:
         for name, value in row.items()
         if name not in ("number", "columns")
     }
+    by_traffic = row.get("by_traffic") or {}
+    values["by_traffic"] = {kind: math.nan if value is None else value for kind, value in by_traffic.items()}
     if "score_1" not in row:
         values |= {"score_1": values["score"], "score_1_non_reactive": values["non_reactive"]}
         values |= dict.fromkeys(("score", "low", "high", "non_reactive"), math.nan) | {"zeros": {}}

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.batches import batch
-from interdrive.batches.plan import choices
+from interdrive.batches.plan import choices, traffic_kind
 from interdrive.batches.store import BatchFolder
+from interdrive.benchmarks.passages import PASSAGES, located
+from interdrive.benchmarks.ranking import places_needed, ranked
+from interdrive.benchmarks.ranking_tables import ranking_tables
 from interdrive.benchmarks.reference import reference_rows
-from interdrive.benchmarks.rows import NON_REACTIVE, REACTIVE, from_plain, paper, plain, planner_rows, scenario_scores
-from interdrive.benchmarks.sets import find_files, read_set
+from interdrive.benchmarks.rows import from_plain, paper, plain, planner_rows, scenario_scores, standings, with_totals
+from interdrive.benchmarks.sets import NON_REACTIVE, REACTIVE, read_set
 from interdrive.comparison.variants import rows_of
 from interdrive.errors import InputError, ResultsError
 from interdrive.panel import DEFAULT, chosen_panel
@@ -23,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from interdrive.batches import Progress
+    from interdrive.benchmarks.ranking import Ranking
     from interdrive.benchmarks.rows import Row
     from interdrive.benchmarks.sets import BenchmarkSet
     from interdrive.config.specs import PlannerSpecs, PredictorSpecs
@@ -31,6 +36,9 @@ if TYPE_CHECKING:
 FORMAT = 2
 
 _MARK = "benchmark.json"
+
+#: All columns that are driven with "all", after those of the set.
+ALL_COLUMNS = ("recorded", "velocity_adjusting", "idm", "idm_mobil", "frenet")
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,9 @@ class Benchmark:
         reference: Published rows of the set, for the same split.
         missing: Files of the split that were not found, one line each; then the numbers are partial.
         panel: Drivers of the panel; "" without one.
+        traffic: Kinds of traffic that were driven. counted: Those whose mean is the number.
+        ranking: Planners in order, and how far that order can be trusted.
+        needed: Places that are needed to separate two neighbours, for `power`; empty without it.
         command: Command that repeats the benchmark.
         folder: Folder of the results and benchmark.json.
     """
@@ -58,21 +69,27 @@ class Benchmark:
     command: str
     folder: Path
     panel: str = ""
+    traffic: tuple[str, ...] = (NON_REACTIVE, REACTIVE)
+    counted: tuple[str, ...] = (REACTIVE,)
+    ranking: Ranking | None = None
+    needed: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     @property
     def score(self) -> float:
         """The number of the first planner: 100 times its score among reacting traffic."""
-        return self.table[0].score
+        return self.table[0].number
 
     @property
     def low(self) -> float:
         """Lower end of its interval."""
-        return self.table[0].low
+        row = self.table[0]
+        return row.low if math.isnan(row.total) else row.total_low
 
     @property
     def high(self) -> float:
         """Upper end of its interval."""
-        return self.table[0].high
+        row = self.table[0]
+        return row.high if math.isnan(row.total) else row.total_high
 
     @property
     def is_partial(self) -> bool:
@@ -92,7 +109,10 @@ def benchmark(
     workers: int | None = None,
     ray: str | None = None,
     raw: bool = False,
+    columns: str | Sequence[str] | None = None,
+    power: float | None = None,
     on_progress: Callable[[Progress], None] | None = None,
+    on_recording: Callable[[str], None] | None = None,
 ) -> Benchmark:
     """Drives every agent of a set alone, among replayed and among reacting traffic, and scores it.
 
@@ -111,7 +131,11 @@ def benchmark(
         ray: Address of a Ray cluster.
         raw: Read recordings without repairs. The reference rows of the set, which are of repaired recordings, are then
             left out.
+        columns: Kinds of traffic: "all" (`ALL_COLUMNS`), or "replay" and native planners, as text with commas or as a
+            list; None: those of the set. Without all that count there is no number.
+        power: Points: tells how many places are needed to separate two planners that are so far apart.
         on_progress: Called while runs end.
+        on_recording: Called with the name of a recording before it is joined.
 
     Raises:
         InputError: An unknown set or split, no file of it found, or a planner that cannot be used.
@@ -119,49 +143,97 @@ def benchmark(
     """
     chosen = read_set(set)
     wanted = chosen.of_split(split)
-    found, missing = find_files(wanted, scenarios)
-    if not found:
+    driven = _columns(columns, chosen)
+    if power is not None and not 0.0 < power <= 100.0:
+        raise InputError("power", f"must be above 0 and at most 100 points, is {power}")
+    there, found, missing = located(chosen, wanted, scenarios, Path(out).parent / PASSAGES, on_recording)
+    if not there:
         raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
-    there = [file for file in wanted if file.sha256 in found]
     paths = [found[file.sha256] for file in there]
     labels = list(choices(planner, "planner"))
     keys: list[str] = []
-    for traffic in (NON_REACTIVE, REACTIVE):
+    for traffic in driven:
+        among = _planners(planner, traffic)
+        if not among:
+            continue
         done = batch(
-            paths, Path(out), planner=planner, predictor=predictor, traffic=traffic, alone=True, panel=panel,
+            paths, Path(out), planner=among, predictor=predictor, traffic=traffic, alone=True, panel=panel,
             workers=workers, ray=ray, on_progress=on_progress, settings={"recording.raw": True} if raw else None,
         )  # fmt: skip
         keys += done.keys
     rows = rows_of(BatchFolder.open(out).table(None, {*keys}))
     rows["variant"] = rows["planner"]
-    made = tuple(planner_rows(rows, labels, there))
+    standing = standings(rows, labels, there, chosen, driven)
+    ranking = ranked(standing)
+    made = with_totals(planner_rows(rows, labels, there, driven), ranking, is_weighted=bool(chosen.weights))
     result = Benchmark(
         set=set,
         set_sha256=chosen.sha256,
         split=split,
-        table=made,
+        table=tuple(made),
         scenarios={label: scenario_scores(rows, label, there) for label in labels},
         reference=() if raw else tuple(row for row in reference_rows(chosen, split) if row.planner not in labels),
         missing=tuple(missing),
-        command=_command(labels, set, split, scenarios, panel, raw=raw),
+        command=_command(labels, set, split, scenarios, panel, raw=raw, columns=None if columns is None else driven),
         folder=Path(out),
         panel=", ".join(chosen_panel(panel)[0]),
+        traffic=driven,
+        counted=standing.counted,
+        ranking=ranking,
+        needed={} if power is None else places_needed(standing, power),
     )
     _save(result, chosen)
-    if driven := [label for label in labels if label != "recorded"]:
-        about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}"
-        table = paper(rows, driven, there, about)
-        for ending, text in (("md", table.markdown()), ("tex", table.latex())):
-            with replacing(result.folder / f"paper.{ending}") as partial:
+    about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}"
+    tables = {"ranking": ranking_tables(ranking, chosen, driven, about)}
+    humans = [label for label in labels if label == "recorded"]
+    if len(humans) < len(labels) and {NON_REACTIVE, REACTIVE} <= {*driven}:
+        tables["paper"] = [paper(rows, [label for label in labels if label not in humans], there, about)]
+    for name, parts in tables.items():
+        texts = {"md": "\n".join(one.markdown() for one in parts), "tex": "\n".join(one.latex() for one in parts)}
+        for ending, text in texts.items():
+            with replacing(result.folder / f"{name}.{ending}") as partial:
                 partial.write_text(text, encoding="utf-8")
     return result
 
 
+def _columns(given: str | Sequence[str] | None, chosen: BenchmarkSet) -> tuple[str, ...]:
+    """Kinds of traffic to drive, in the words of tables."""
+    if given is None:
+        return chosen.traffic
+    names = [name.strip() for name in given.split(",")] if isinstance(given, str) else list(given)
+    if names == ["all"]:
+        return tuple(dict.fromkeys((*chosen.traffic, *ALL_COLUMNS)))
+    found = []
+    for name in names:
+        if name == "same":
+            raise InputError("columns: a planner among its copies is a column of its own; name planners")
+        try:
+            found.append(str(traffic_kind(name)))
+        except InputError as error:
+            raise InputError(str(error).replace("traffic:", "columns:").replace("same, ", "")) from None
+    return tuple(dict.fromkeys(found))
+
+
+def _planners(planner: PlannerSpecs, traffic: str) -> PlannerSpecs:
+    """Planners that are driven among some traffic: replayed humans only among replayed traffic."""
+    if traffic == NON_REACTIVE:
+        return planner
+    return {label: one for label, one in choices(planner, "planner").items() if label != "recorded"}
+
+
 def _command(
-    labels: Sequence[str], name: str, split: str, scenarios: str | Path | None, panel: str | Path, *, raw: bool
+    labels: Sequence[str],
+    name: str,
+    split: str,
+    scenarios: str | Path | None,
+    panel: str | Path,
+    *,
+    raw: bool,
+    columns: Sequence[str] | None = None,
 ) -> str:
     where = [*(["--scenarios", str(scenarios)] if scenarios else []), *(["--raw"] if raw else [])]
     where += [] if str(panel) == DEFAULT else ["--panel", str(panel)]
+    where += [] if columns is None else ["--columns", ",".join(columns)]
     return shlex.join(["interdrive", "benchmark", ",".join(labels), "--set", name, "--split", split, *where])
 
 
@@ -176,6 +248,10 @@ def _save(found: Benchmark, chosen: BenchmarkSet) -> None:
         "missing": list(found.missing),
         "command": found.command,
         "panel": found.panel,
+        "traffic": list(found.traffic),
+        "counted": list(found.counted),
+        "ranking": None if found.ranking is None else found.ranking.plain(),
+        "places_needed": [{"planners": list(pair), "places": n} for pair, n in found.needed.items()],
         "rows": [plain(row) for row in found.table],
         "scenarios": found.scenarios,
         **software(),

@@ -4,18 +4,39 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from interdrive.errors import InputError
 from interdrive.files import content_of_file, scenario_folders, shipped_scenario, shipped_scenarios
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: Traffic that replays its recording, and traffic that adjusts its speed.
+NON_REACTIVE, REACTIVE = "recorded", "velocity_adjusting"
 
 #: Splits: what claims are made on, what planners are tuned on, both.
 SPLITS = ("test", "dev", "all")
 
 _ENDINGS = (".xml", ".pb")
+
+
+@dataclass(frozen=True)
+class Passage:
+    """The part of a joined recording in which a vehicle is under test.
+
+    Attributes:
+        recording: Name of the recording.
+        first: Time step of the recording at which the vehicle enters; the run begins there.
+        end: One more than the last time step.
+    """
+
+    recording: str
+    first: int
+    end: int
 
 
 @dataclass(frozen=True)
@@ -30,6 +51,8 @@ class SetFile:
         traffic: recorded, simulated or invented.
         split: "test" or "dev".
         agents: Ids; each is driven alone.
+        road_class: What has a weight of its own in the number; "" in sets without weights.
+        passage: Of a recording that is joined from windows; `sha256` is then known once it is cut. None: a file.
     """
 
     name: str
@@ -40,6 +63,21 @@ class SetFile:
     traffic: str
     split: str
     agents: tuple[int, ...]
+    road_class: str = ""
+    passage: Passage | None = None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A long recording, joined from windows that follow each other.
+
+    Attributes:
+        name: Its name.
+        parts: The windows; each is found by its content.
+    """
+
+    name: str
+    parts: tuple[SetFile, ...]
 
 
 @dataclass(frozen=True)
@@ -51,12 +89,20 @@ class BenchmarkSet:
         text: What it is.
         files: Its scenarios.
         sha256: Of what it states.
+        weights: Of each class of roads in the number; empty: all files count alike.
+        traffic: Kinds of traffic among which planners are driven.
+        counted: Those of them whose mean is the number.
+        recordings: By name, of which files are passages.
     """
 
     name: str
     text: str
     files: tuple[SetFile, ...]
     sha256: str
+    weights: Mapping[str, float] = field(default_factory=dict)
+    traffic: tuple[str, ...] = (NON_REACTIVE, REACTIVE)
+    counted: tuple[str, ...] = (REACTIVE,)
+    recordings: Mapping[str, Recording] = field(default_factory=dict)
 
     def of_split(self, split: str) -> tuple[SetFile, ...]:
         """The scenarios of a split.
@@ -87,7 +133,7 @@ def read_set(name: str) -> BenchmarkSet:
         raise InputError(f"set {name!r}: there is no such benchmark set; there are {', '.join(set_names())}")
     content = (_folder() / f"{name}.toml").read_bytes()
     table: dict[str, Any] = tomllib.loads(content.decode())
-    entries = tuple(
+    entries = [
         SetFile(
             name=entry["name"],
             sha256=entry["sha256"],
@@ -97,10 +143,37 @@ def read_set(name: str) -> BenchmarkSet:
             traffic=entry["traffic"],
             split=entry["split"],
             agents=tuple(entry["agents"]),
+            road_class=entry.get("class", ""),
         )
         for entry in table["file"]
+    ]
+    recordings = {}
+    for entry in table.get("recording", ()):
+        about = {name: entry[name] for name in ("category", "place", "traffic", "split")}
+        parts = tuple(SetFile(part[0], part[1], tuple(part[2:]), **about, agents=()) for part in entry["parts"])
+        recordings[entry["name"]] = Recording(entry["name"], parts)
+        entries += [
+            SetFile(
+                name=f"{entry['name']}_{agent}",
+                sha256="",
+                source=(),
+                **about,
+                agents=(agent,),
+                road_class=entry["class"],
+                passage=Passage(entry["name"], first, end),
+            )
+            for agent, first, end in entry["passages"]
+        ]
+    return BenchmarkSet(
+        name,
+        table["text"],
+        tuple(entries),
+        hashlib.sha256(content).hexdigest(),
+        weights=table.get("weights", {}),
+        traffic=tuple(table.get("traffic", (NON_REACTIVE, REACTIVE))),
+        counted=tuple(table.get("counted", (REACTIVE,))),
+        recordings=recordings,
     )
-    return BenchmarkSet(name, table["text"], entries, hashlib.sha256(content).hexdigest())
 
 
 def find_files(wanted: tuple[SetFile, ...], folder: str | Path | None) -> tuple[dict[str, Path], list[str]]:

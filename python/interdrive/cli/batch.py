@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 #: Words for the behaviour of recorded vehicles that are not under test.
-_OTHERS = ("recorded", "velocity_adjusting", "same")
+_OTHERS = ("replay", "recorded", "velocity_adjusting", "same")
 
 
 @click.command()
@@ -44,8 +44,8 @@ _OTHERS = ("recorded", "velocity_adjusting", "same")
 )
 @click.option(
     "--traffic",
-    metavar="recorded|velocity_adjusting|same[,NAME=VALUE...]",
-    help="Behaviour of all other vehicles: replay, replay with adjusted speed, or the planner under test; and, or "
+    metavar="replay|same|PLANNER[,NAME=VALUE...]",
+    help="Behaviour of all other vehicles: replay, the planner under test, or a native planner (idm, ...); and, or "
     "alone, generated traffic by every seed, such as rate=600 (names of the settings traffic.NAME).",
 )
 @click.option("--alone", is_flag=True, default=None, help="Simulate each agent under test in a run of its own.")

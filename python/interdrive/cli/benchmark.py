@@ -28,6 +28,12 @@ from interdrive.errors import InputError
 @click.option(
     "--panel", metavar="default|none|DIR", default="default", help="Against what agents are scored (default)."
 )
+@click.option(
+    "--columns",
+    metavar="all|replay,PLANNER,...",
+    help="Who drives the others: a column of scores for each (those of the set).",
+)
+@click.option("--power", metavar="POINTS", type=float, help="Say how many places separate planners so far apart.")
 @raw_option
 @click.option("--quiet", is_flag=True, help="Print only errors.")
 def benchmark(
@@ -40,12 +46,15 @@ def benchmark(
     ray: str | None,
     out: str | None,
     panel: str,
+    columns: str | None,
+    power: float | None,
     raw: bool,
     quiet: bool,
 ) -> None:
     """Score planners on a fixed set of scenarios, one agent at a time, among replayed and among reacting traffic.
 
     A planner's number is 100 times its mean score over scenarios among reacting traffic, with an interval over places.
+    Each kind of traffic is a column; the ranking says how stable it is over places and over traffic.
     Files are identified by their content; if some are missing, the number is partial and has no rank.
     """
     from interdrive.cli.batch_report import batch_progress  # noqa: PLC0415 - rich
@@ -59,6 +68,7 @@ def benchmark(
     if planner is None:
         raise InputError("benchmark: name a planner, or list a set with --list SET")
     from interdrive.benchmarks import benchmark as run_benchmark  # noqa: PLC0415
+    from interdrive.cli.terminal import say  # noqa: PLC0415
 
     with batch_progress(quiet=quiet) as on_progress:
         found = run_benchmark(
@@ -71,6 +81,9 @@ def benchmark(
             workers=workers,
             ray=ray,
             raw=raw,
+            columns=columns,
+            power=power,
+            on_recording=None if quiet else lambda recording: say(f"joining the windows of {recording}"),
             on_progress=on_progress,
         )
     if not quiet:

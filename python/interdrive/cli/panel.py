@@ -44,8 +44,9 @@ def panel(
 
     kinds = tuple(kind.strip() for kind in traffic.split(","))
     for kind in kinds:
-        if kind not in TRAFFIC[:2]:
-            raise InputError(f"--traffic {kind}: expected {' or '.join(TRAFFIC[:2])}")
+        if kind == "same" or kind not in TRAFFIC:
+            names = [name for name in TRAFFIC if name != "same"]
+            raise InputError(f"--traffic {kind}: expected {', '.join(names)}")
     with progress(quiet=False) as report:
         found = store_panel(
             set=name,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.markup import escape
 
+from interdrive.benchmarks.ranking_tables import OWN, cell, rank_text, traffic_name
 from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import print_csv
 from interdrive.comparison.scores import ZEROS
@@ -19,10 +20,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from rich.console import Console
+
     from interdrive.adversaries import Ranking
     from interdrive.benchmarks import Benchmark, BenchmarkSet, Row
     from interdrive.comparison.scores import PlannerScore
     from interdrive.scoring import Score
+
+#: Kinds of traffic that the first table of a benchmark shows, and how many a table of rankings has beside numbers.
+_COLUMNS_USUAL, _COLUMNS_AT_ONCE = 2, 3
 
 #: Missing files of a benchmark that are listed.
 _MISSING_MAX = 12
@@ -210,6 +216,7 @@ def print_benchmark(found: Benchmark) -> None:
             style="dim" if is_reference else None,
         )
     print_table(console, table, 2)
+    _print_ranking(console, found)
     console.print(f"set {found.set}, split {found.split}; R: among reacting traffic, NR: among replayed traffic")
     console.print(f"panel: {found.panel}" if found.panel else _ABSOLUTE)
     if lacking:
@@ -224,16 +231,51 @@ def print_benchmark(found: Benchmark) -> None:
     print_folder(console, found.folder)
 
 
+def _print_ranking(console: Console, found: Benchmark) -> None:
+    """Prints the score in each kind of traffic, and how far the order of planners can be trusted."""
+    ranking = found.ranking
+    if ranking is None or (len(ranking.ranks) == 1 and len(found.traffic) <= _COLUMNS_USUAL):
+        return
+    # Missing files: no number has a rank.
+    numbers = ["number", "95 %", *(() if found.missing else ("rank", "above next %", "separable"))]
+    for first in range(0, len(found.traffic), _COLUMNS_AT_ONCE):
+        kinds = found.traffic[first : first + _COLUMNS_AT_ONCE]
+        heads = [traffic_name(kind) for kind in kinds]
+        table = table_of(("planner", *numbers, *heads), right=[*numbers, *heads], tight=True)
+        for one in ranking.ranks:
+            span = "" if math.isnan(one.low) else f"{one.low:.1f} to {one.high:.1f}"
+            above = "" if math.isnan(one.above_next) else f"{100.0 * one.above_next:.0f}"
+            order = () if found.missing else (rank_text(one), above, one.letters)
+            cells = [cell(one, kind) for kind in kinds]
+            table.add_row(escape(one.planner), _number(one.number, 1), span, *order, *cells)
+        print_table(console, table, 1)
+    counted = ", ".join(traffic_name(kind) for kind in found.counted) or "none: traffic that counts was not driven"
+    console.print(f"number: mean among {counted}; {OWN}: among its own copies")
+    if ranking.sentence:
+        console.print(ranking.sentence)
+    if not ranking.is_sure:
+        places = ", ".join(f"{n} {name}".rstrip() for name, n in ranking.n_places.items())
+        console.print(f"too few places ({places}) for intervals of ranks and for letters")
+    for (above_it, below_it), n in found.needed.items():
+        console.print(f"{n} places would separate {escape(above_it)} and {escape(below_it)} if they were so far apart")
+
+
 def print_set(found: BenchmarkSet) -> None:
     """Prints every file of a set: hash, name, split, where it comes from."""
     console = output()
     console.print(escape(found.text), soft_wrap=True)
     for file in found.files:
         about = " ".join(file.source) or "shipped"
+        if file.passage is not None:
+            about = f"steps {file.passage.first} to {file.passage.end - 1} of the recording {file.passage.recording}"
         console.print(
-            f"{file.sha256} {file.name} {file.split} {file.category} {len(file.agents)} agents {escape(about)}",
+            f"{file.sha256} {file.name} {file.split} {file.category} {len(file.agents)} agents {escape(about)}".strip(),
             soft_wrap=True,
         )
+    for recording in found.recordings.values():
+        for part in recording.parts:
+            about = " ".join(part.source)
+            console.print(f"{part.sha256} {part.name} window of {recording.name} {escape(about)}", soft_wrap=True)
     console.print(f"{found.name}: {len(found.files)} files, sha256 of the set {found.sha256}", soft_wrap=True)
 
 

@@ -3,6 +3,15 @@
 from interdrive.recordings.headings import HeadingOffset, heading_offset, turned
 from interdrive.recordings.overlaps import overlapping, overlapping_at_first
 from interdrive.recordings.repair import repaired
-from interdrive.recordings.windows import joined
+from interdrive.recordings.windows import joined, part_of
 
-__all__ = ["HeadingOffset", "heading_offset", "joined", "overlapping", "overlapping_at_first", "repaired", "turned"]
+__all__ = [
+    "HeadingOffset",
+    "heading_offset",
+    "joined",
+    "overlapping",
+    "overlapping_at_first",
+    "part_of",
+    "repaired",
+    "turned",
+]

@@ -13,14 +13,14 @@ import numpy as np
 from interdrive.errors import InputError
 from interdrive.files import read_scenario, scenario_file
 from interdrive.prediction_evaluation.repeats import KnownTracks
-from interdrive.recordings import joined, repaired
+from interdrive.recordings import joined, part_of, repaired
 from interdrive.scenario.native import core_shape
 from interdrive.traffic_realism.tracks import GRID, Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from interdrive.array_types import Bools, Floats, Ints
+    from interdrive.array_types import Bools, Ints
     from interdrive.scenario import Scenario
 
 #: Kinds of participants that are judged, and plan; others replay.
@@ -251,33 +251,3 @@ def _cut(recording: Recording, number: int, index: int, time: float, horizon: fl
     judged &= moved >= _DISPLACEMENT_MIN
     ids = part.obstacles.ids[judged]
     return Window(recording.place, number, index, part, at, time, n_points, ids)
-
-
-def part_of(scenario: Scenario, first: int, end: int) -> Scenario:
-    """The recording between two time steps, with those who are there; the new time steps begin at 0."""
-    obstacles = scenario.obstacles
-    rows = np.flatnonzero(obstacles.valid[:, first:end].any(axis=1))
-
-    def cut(table: Floats) -> Floats:
-        return table[rows, first:end]
-
-    return replace(
-        scenario,
-        planning_problems=(),
-        obstacles=replace(
-            obstacles,
-            ids=obstacles.ids[rows],
-            kinds=tuple(obstacles.kinds[row] for row in rows),
-            shapes=tuple(obstacles.shapes[row] for row in rows),
-            is_static=obstacles.is_static[rows],
-            x=cut(obstacles.x),
-            y=cut(obstacles.y),
-            orientation=cut(obstacles.orientation),
-            velocity=cut(obstacles.velocity),
-            acceleration=cut(obstacles.acceleration),
-            yaw_rate=cut(obstacles.yaw_rate),
-            valid=obstacles.valid[rows, first:end],
-            derived=tuple(obstacles.derived[row] for row in rows) if obstacles.derived else (),
-        ),
-        traffic_lights=tuple(replace(light, offset=light.offset - first) for light in scenario.traffic_lights),
-    )
