@@ -123,7 +123,13 @@ def joined(recordings: Sequence[Scenario], *, raw: bool = False) -> Scenario:
 
 
 def part_of(scenario: Scenario, first: int, end: int) -> Scenario:
-    """The recording between two time steps, with those who are there; the new time steps begin at 0."""
+    """The recording between two time steps, with those who are there; the new time steps begin at 0.
+
+    Args:
+        scenario: The recording; its planning problems are left out.
+        first: First time step.
+        end: One more than the last one.
+    """
     obstacles = scenario.obstacles
     rows = np.flatnonzero(obstacles.valid[:, first:end].any(axis=1))
 
