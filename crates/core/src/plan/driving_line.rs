@@ -220,14 +220,16 @@ impl Bend {
         let factors = factors(band);
         let mut offsets = vec![0.0; n];
         for _ in 0..STEPS {
-            for i in 0..n {
-                offsets[i] = bend[i] + PENALTY * (within[i] - price[i]);
+            for (((offset, bend), within), price) in offsets.iter_mut().zip(&bend).zip(&*within).zip(&*price) {
+                *offset = bend + PENALTY * (within - price);
             }
             solve(&factors, &mut offsets);
-            for i in 0..n {
-                let free = OVER * offsets[i] + (1.0 - OVER) * within[i] + price[i];
-                within[i] = free.clamp(limits[i].0, limits[i].1);
-                price[i] = free - within[i];
+            for (((offset, (low, high)), within), price) in
+                offsets.iter().zip(limits).zip(&mut *within).zip(&mut *price)
+            {
+                let free = OVER * offset + (1.0 - OVER) * *within + *price;
+                *within = free.clamp(*low, *high);
+                *price = free - *within;
             }
         }
         offsets
@@ -252,20 +254,19 @@ fn factors(mut band: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
     band
 }
 
-/// Solves the equations with these factors in place.
+/// Solves the equations with these factors in place. The last two values stay in registers: each waits for them.
 fn solve(factors: &[[f64; 3]], right: &mut [f64]) {
-    let n = right.len();
-    for i in 0..n {
-        if i + 1 < n {
-            right[i + 1] -= factors[i][1] * right[i];
-        }
-        if i + 2 < n {
-            right[i + 2] -= factors[i][2] * right[i];
-        }
+    // What the row before, and the one before that, take away from the next value: the farther one first.
+    let (mut before, mut far) = ((0.0, [0.0; 3]), (0.0, [0.0; 3]));
+    for (value, factor) in right.iter_mut().zip(factors) {
+        *value -= far.1[2] * far.0;
+        *value -= before.1[1] * before.0;
+        (far, before) = (before, (*value, *factor));
     }
-    for i in (0..n).rev() {
-        let beyond = |k: usize| if k < n { right[k] } else { 0.0 };
-        right[i] = right[i] / factors[i][0] - factors[i][1] * beyond(i + 1) - factors[i][2] * beyond(i + 2);
+    let (mut next, mut after) = (0.0, 0.0);
+    for (value, [pivot, one, two]) in right.iter_mut().zip(factors).rev() {
+        *value = *value / pivot - one * next - two * after;
+        (after, next) = (next, *value);
     }
 }
 
