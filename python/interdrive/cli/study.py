@@ -24,13 +24,14 @@ class _Target(NamedTuple):
 
 
 @click.command()
-@click.argument("what", metavar="merge|t_junction|runtime|cooperation|FILE")
+@click.argument("what", metavar="merge|t_junction|runtime|cooperation|flow|FILE")
 @click.option("--agent", metavar="ID", type=int, help="Vehicle that always plans (with FILE).")
 @click.option("--other", metavar="ID", type=int, help="Recorded vehicle whose behaviour is varied (with FILE).")
 @click.option(
     "--planner",
     metavar="NAME",
-    help="Planner of the agent and of the interactive other vehicle (rollout; with runtime frenet).",
+    help="Planner of the agent and of the interactive other vehicle (rollout; with runtime frenet; with flow several, "
+    "NAME,NAME).",
 )
 @click.option("--predictor", metavar="NAME", help="Predictor (neural; with runtime lane_following).")
 @click.option(
@@ -48,7 +49,8 @@ class _Target(NamedTuple):
 @click.option("--steps", metavar="N", type=click.IntRange(min=1), help="runtime: time steps per run (50).")
 @click.option("--repetitions", metavar="N", type=click.IntRange(min=1), help="runtime: runs of each kind (3).")
 @click.option("--seeds", metavar="N", type=click.IntRange(min=1), help="cooperation: number of seeds (2).")
-@click.option("--quick", is_flag=True, help="runtime, cooperation: a short version as a test (a minute).")
+@click.option("--density", "densities", metavar="N,N,...", help="flow: vehicles per km and lane (5 to 100).")
+@click.option("--quick", is_flag=True, help="runtime, cooperation, flow: a short version as a test (a minute).")
 @click.option("--out", metavar="DIR", help="Folder of the study (a new one under out/).")
 @click.option("--overwrite", is_flag=True, help="Replace the study in that folder.")
 @click.option("--quiet", is_flag=True, help="Print only errors.")
@@ -66,6 +68,7 @@ def study(
     steps: int | None,
     repetitions: int | None,
     seeds: int | None,
+    densities: str | None,
     quick: bool,
     out: str | None,
     overwrite: bool,
@@ -82,9 +85,22 @@ def study(
     runtime measures the time per step over the number of agents, with one thread and with all threads, in four
     scenarios and in the shipped town with up to 1000 agents, with tables and figures.
 
+    flow drives rings of one and two lanes at several densities: flow and speed over density (fundamental diagram), with
+    capacities and the speed of jam waves.
+
     cooperation compares shares of equipped agents, delays and losses of messages over scenarios and seeds. Agents get
     no orders at junctions unless you set rules.precedence=true.
     """
+    if densities is not None and what != "flow":
+        raise InputError(f"study {what}: --density belongs to `interdrive study flow`")
+    if what == "flow":
+        others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps, "seeds": seeds}
+        refused = [name for name, value in {**others, "repetitions": repetitions}.items() if value is not None]
+        if refused:
+            raise InputError(f"study flow: it has no option --{refused[0]}")
+        return _flow(
+            planner, predictor, densities, assignments, threads, _Target(out, overwrite), quick=quick, quiet=quiet
+        )
     if what == "cooperation":
         for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}
         refused = [name for name, value in {**for_others, "repetitions": repetitions}.items() if value is not None]
@@ -139,6 +155,53 @@ def study(
         print_study(done, notes, shown(folder))
     ended = [outcome for one in done for run in one.runs.values() for outcome in run.outcomes.outcome]
     return 1 if "planner_error" in ended else 0
+
+
+def _flow(
+    planner: str | None,
+    predictor: str | None,
+    densities: str | None,
+    assignments: tuple[str, ...],
+    threads: int | None,
+    target: _Target,
+    *,
+    quick: bool,
+    quiet: bool,
+) -> int:
+    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+    from interdrive.cli.traffic_report import print_capacities  # noqa: PLC0415
+    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.studies.flow import DENSITIES, FLOW_FOLDER, flow_study, save_flow  # noqa: PLC0415
+
+    try:
+        wanted = tuple(float(part) for part in densities.split(",")) if densities is not None else ()
+    except ValueError:
+        wanted = (-1.0,)
+    if any(not 1.0 <= density <= 180.0 for density in wanted):
+        raise InputError(f"--density {densities}: write vehicles per km from 1 to 180, such as 10,30,60")
+    settings = bind(SimulationSettings(), assigned(assignments))
+    names = [name.strip() for name in (planner or DEFAULT_PLANNER).split(",")]
+    with (
+        claimed_folder(target.out, "study_flow", FLOW_FOLDER, overwrite=target.overwrite) as folder,
+        progress(quiet=quiet) as report,
+    ):
+        report.say("driving")
+        done = flow_study(
+            names,
+            densities=wanted or ((10.0, 30.0, 60.0) if quick else DENSITIES),
+            lanes=(1,) if quick else (1, 2),
+            duration=40.0 if quick else 150.0,
+            warm_up=20.0 if quick else 90.0,
+            predictor=predictor or "lane_following",
+            settings=settings,
+            threads=threads,
+            on_run=report.counted,
+        )
+        report.say("drawing")
+        save_flow(done, folder, overwrite=target.overwrite)
+    if not quiet:
+        print_capacities(done, shown(folder))
+    return 0
 
 
 def _cooperation(

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from interdrive.cli.report import output, print_table, table_of
+from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.run.flows import lane_flows
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from interdrive.run import RunRecord
+    from interdrive.studies.flow import FlowStudy
 
 #: No more lanes than this are shown.
 _LANES_MAX = 40
@@ -37,3 +40,25 @@ def print_flows(run: RunRecord) -> None:
     print_table(console, table, 2)
     if len(rows) > _LANES_MAX:
         console.print(f"{len(rows) - _LANES_MAX} more lanes: interdrive.run.flows.lane_flows", style="dim")
+
+
+def print_capacities(study: FlowStudy, folder: Path) -> None:
+    """Prints capacity, critical density and jam waves by planner and number of lanes, and the path of the tables."""
+    from interdrive.studies.flow import capacities  # noqa: PLC0415 - needs the simulation
+
+    console = output()
+    numbers = ("lanes", "free [km/h]", "capacity [1/h]", "at [1/km]", "jam waves [km/h]", "spread [m/s]", "collisions")
+    table = table_of(("planner", *numbers), right=numbers, tight=True, title="per lane")
+    for row in capacities(study):
+        table.add_row(
+            row.planner,
+            str(row.lanes),
+            f"{3.6 * row.free_speed:.0f}",
+            f"{row.flow:.0f}",
+            f"{row.density:.0f}",
+            "" if math.isnan(row.wave_speed) else f"{row.wave_speed:.1f}",
+            "" if math.isnan(row.spread) else f"{row.spread:.1f}",
+            str(row.collisions),
+        )
+    print_table(console, table, 1)
+    print_folder(console, folder)

@@ -219,7 +219,8 @@ def _of_driver(config: RunConfig, driver: Driver) -> AgentChoice:
     choice = config.traffic[driver.planner]
     native = choice.planner.native or ""
     own: dict[str, float] = {}
-    if (name := SETTINGS.get(native, {}).get("time_gap")) is not None:
+    name = SETTINGS.get(native, {}).get("time_gap")
+    if name is not None and driver.time_gap is not None:
         own[name] = driver.time_gap
     if native in _SLOW_IN_BENDS and choice.planner.values == flatten(RECORDS[native]()):
         own["lateral_acceleration"] = _LATERAL

@@ -28,12 +28,12 @@ class Driver:
     Attributes:
         planner: Position of its planner in `TrafficSettings.planners`.
         speed_factor: Factor on speed limits.
-        time_gap: Time gap to who drives ahead [s].
+        time_gap: Time gap to who drives ahead [s]; None: that of its planner.
     """
 
     planner: int
     speed_factor: float
-    time_gap: float
+    time_gap: float | None
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,16 @@ def vehicles(settings: TrafficSettings, seed: int, lane: int, numbers: Ints) -> 
     place = _chosen(settings.mix, draws.uniform(seed, draws.KIND, lane, numbers))
     sizes = np.array([_SIZES[kind] for kind in MIXED])[place]
     factors = np.clip(drawn(draws.SPEED, *settings.speed_factor), *_FACTORS)
-    gaps = np.clip(drawn(draws.GAP, *settings.time_gap), *_GAPS)
+    gaps: list[float | None] = [None] * len(numbers)
+    if settings.time_gap is not None:
+        gaps = np.clip(drawn(draws.GAP, *settings.time_gap), *_GAPS).tolist()
     shares = tuple(share for _, share in settings.planners)
     planners = _chosen(shares, draws.uniform(seed, draws.PLANNER, lane, numbers))
     return Vehicles(
         kinds=tuple(MIXED[i] for i in place.tolist()),
         length=drawn(draws.LENGTH, sizes[:, 0], sizes[:, 1]),
         width=drawn(draws.WIDTH, sizes[:, 2], sizes[:, 3]),
-        drivers=tuple(map(Driver, planners.tolist(), factors.tolist(), gaps.tolist())),
+        drivers=tuple(map(Driver, planners.tolist(), factors.tolist(), gaps)),
     )
 
 

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 _SPREAD = 0.2
 #: Least gap between two vehicles [m]: that of the IDM to who stands.
 _GAP = 2.0
+#: Time gap of drivers that keep that of their planner [s], for their first speed.
+_TIME_GAP = 1.2
+#: On a ring a way begins with the lanelet behind for vehicles so near to the start of theirs [m]: their rear is there.
+_SEAM = 6.0
 #: Nobody begins so near to the end of the map [m], ...
 _END = 20.0
 #: ... or to a vehicle that is there already [m].
@@ -91,20 +95,25 @@ def _chain(
     is_exit = chain.lanelet_ids[-1] in graph.exits
     last = chain.length if chain.is_ring else chain.length - (_END if is_exit else 0.5 * spacing)
     kept = [i for i in range(most) if 0.5 * own.length[i] + 0.5 <= places[i] < last or chain.is_ring]
-    speeds = _speeds(graph, chain, places, own.length, [one.time_gap for one in own.drivers], kept, is_exit=is_exit)
+    speeds = _speeds(
+        graph, chain, places, own.length, [one.time_gap or _TIME_GAP for one in own.drivers], kept, is_exit=is_exit
+    )
     starts = np.concatenate([[0.0], np.cumsum([graph.length[lane] for lane in chain.lanelet_ids])])
     found: list[Filled] = []
     for i in kept:
         s = float(places[i]) % chain.length
         at = min(int(np.searchsorted(starts, s, side="right")) - 1, len(chain.lanelet_ids) - 1)
-        lane = chain.lanelet_ids[at]
-        x, y, _ = graph.place(lane, s - float(starts[at]))
+        lane, s = chain.lanelet_ids[at], s - float(starts[at])
+        if chain.is_ring and s < _SEAM:
+            lane = chain.lanelet_ids[at - 1]
+            s += graph.length[lane]
+        x, y, _ = graph.place(lane, s)
         if len(occupied) and np.hypot(*(occupied - (x, y)).T).min() < _APART:
             continue
         size = float(own.length[i]), float(own.width[i])
         factor = own.drivers[i].speed_factor
         speed = min(speeds[i], factor * graph.limit(lane))
-        found.append(Filled(lane, i, 0.0, own.kinds[i], *size, own.drivers[i], s - float(starts[at]), speed))
+        found.append(Filled(lane, i, 0.0, own.kinds[i], *size, own.drivers[i], s, speed))
     return found
 
 

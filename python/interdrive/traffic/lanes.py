@@ -94,7 +94,9 @@ class LaneGraph:
         return USUAL_LIMIT if math.isnan(limit) else limit
 
     def place(self, lanelet: int, s: float) -> tuple[float, float, float]:
-        """Position [m] and heading [rad] on the centre line at an arc length [m]."""
+        """Position [m] and heading [rad] on the centre line at an arc length [m], also a little beyond its end."""
+        if s > self.length[lanelet] + 1e-6 and self.after[lanelet]:
+            return self.place(self.after[lanelet][0], s - self.length[lanelet])
         line = self.center(lanelet)
         steps = np.hypot(*np.diff(line, axis=0).T)
         at = np.concatenate([[0.0], np.cumsum(steps)])

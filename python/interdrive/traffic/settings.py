@@ -34,7 +34,7 @@ class TrafficSettings:
         mix: Shares of cars, trucks and motorcycles.
         speed_factor: Mean and standard deviation of the factor on speed limits, drawn per driver within 0.6 and 1.4.
         time_gap: Mean and standard deviation of the time gap, drawn per driver within 0.8 and 2.0, for planners that
-            have such a setting.
+            have such a setting; none: they keep their own.
     """
 
     rate: Annotated[float, "1/h"] = 0.0
@@ -48,7 +48,7 @@ class TrafficSettings:
     turn: tuple[float, float, float] = (0.7, 0.15, 0.15)
     mix: tuple[float, float, float] = (0.88, 0.1, 0.02)
     speed_factor: tuple[float, float] = (1.0, 0.1)
-    time_gap: Annotated[tuple[float, float], "s"] = (1.2, 0.2)
+    time_gap: Annotated[tuple[float, float] | None, "s"] = (1.2, 0.2)
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -66,7 +66,10 @@ class TrafficSettings:
             if not all(share >= 0.0 and math.isfinite(share) for share in shares) or not sum(shares) > 0.0:
                 raise InputError(name, f"must be shares of at least 0 that are not all 0, not {shares}")
         for name in ("speed_factor", "time_gap"):
-            mean, sd = getattr(self, name)
+            drawn = getattr(self, name)
+            if drawn is None:
+                continue
+            mean, sd = drawn
             if not (0.1 <= mean <= 10.0 and 0.0 <= sd <= 10.0):
                 raise InputError(name, f"must be a mean from 0.1 to 10 and a deviation from 0 to 10, not {mean}, {sd}")
         factor = max([1.0, *(value for _, value in self.profile_steps)])

@@ -208,7 +208,11 @@ impl Ends {
             changes: missing_changes(&scenario.road, route, goal_lanelet, leaves),
             start: route.path.at(route.start_s).position,
             goal_place: has_place.then(|| route.path.at(route.goal_entry_s.max(0.0)).position),
-            length: if has_place { route.path.length() + LANE_EXTENSION } else { FREE_LENGTH },
+            length: match goal.pace {
+                _ if has_place => route.path.length() + LANE_EXTENSION,
+                Some(_) => route.path.length(),
+                None => FREE_LENGTH,
+            },
             leaves,
         }
     }

@@ -1,0 +1,94 @@
+"""Fundamental diagrams on rings."""
+
+import math
+
+import pytest
+from click.testing import CliRunner
+
+from interdrive import InputError, SimulationSettings
+from interdrive.cli import main
+from interdrive.storage import read_table
+from interdrive.studies.flow import COLUMNS, FLOW_FOLDER, capacities, flow_figure, flow_study, save_flow
+from interdrive.studies.flow.measure import ring_road
+
+
+@pytest.fixture(scope="module")
+def study():
+    return flow_study(
+        ["idm", "idm_mobil"],
+        densities=(10.0, 50.0),
+        lanes=(1,),
+        duration=12.0,
+        warm_up=8.0,
+        settings=SimulationSettings(),
+        threads=1,
+    )
+
+
+def test_flow_is_density_times_speed_and_falls_short_of_the_limit_when_dense(study):
+    rows = study.table.to_pylist()
+    assert [(row["planner"], row["lanes"]) for row in rows] == [
+        ("idm", 1),
+        ("idm", 1),
+        ("idm_mobil", 1),
+        ("idm_mobil", 1),
+    ]
+    for row in rows:
+        assert row["flow"] == pytest.approx(3.6 * row["density"] * row["speed"])
+        assert row["density"] == pytest.approx(1000.0 * row["vehicles"] / row["length"])
+        assert row["collisions"] == 0
+    free, dense = rows[0], rows[1]
+    # A ring of 1000 m bends so much that 2 m/s² across are reached at sqrt(2 · 1000 / 2π).
+    assert free["speed"] == pytest.approx(17.8, abs=0.3)
+    # Equilibrium of the IDM for a gap of 1000 m / 50 - 4.6 m: (2 + v) / sqrt(1 - (v / 17.8)^4) = 15.4.
+    assert dense["speed"] == pytest.approx(11.6, abs=1.0)
+
+
+def test_capacity_is_the_largest_flow(study):
+    first, second = capacities(study)
+    assert (first.planner, second.planner) == ("idm", "idm_mobil")
+    assert first.flow == max(row["flow"] for row in study.table.to_pylist() if row["planner"] == "idm")
+    assert math.isnan(first.wave_speed)
+    assert first.collisions == 0
+
+
+def test_the_folder_has_table_and_figure(study, tmp_path):
+    folder = save_flow(study, tmp_path / "flow")
+    assert sorted(entry.name for entry in folder.iterdir()) == [
+        "flow.json",
+        "flow.pdf",
+        "flow.png",
+        "table.csv",
+        "table.parquet",
+    ]
+    assert all(FLOW_FOLDER.belongs(entry) for entry in folder.iterdir())
+    assert read_table(folder / "table.parquet", COLUMNS).num_rows == 4
+    assert len(flow_figure(study).axes) == 2
+
+
+def test_a_ring_has_lanes_side_by_side_that_lead_into_themselves():
+    lanelets = ring_road(1000.0, 2).lanelets
+    assert len(lanelets.ids) == 16
+    assert lanelets.successors[7] == (1,)
+    assert lanelets.adjacent_left[0] == 9
+    assert lanelets.adjacent_right[8] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["flow", "--density", "0"], "write vehicles per km from 1 to 180"),
+        (["flow", "--seeds", "2"], "study flow: it has no option --seeds"),
+        (["merge", "--density", "5"], "--density belongs to `interdrive study flow`"),
+    ],
+)
+def test_bad_options_give_one_line(words, text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(main, ["study", *words])
+    assert done.exit_code == 2
+    assert text in done.output
+
+
+def test_an_unknown_planner_is_named():
+    with pytest.raises(InputError, match="unknown planner 'nothing'"):
+        flow_study(["nothing"], densities=(10.0,), lanes=(1,), duration=2.0, settings=SimulationSettings(), threads=1)
