@@ -1,5 +1,6 @@
 """Traffic on the command line."""
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -40,6 +41,14 @@ def test_traffic_writes_a_scenario_that_can_be_run():
     assert "exists already" in call(*words, "--out", "made.xml").output
     run = idr.simulate("made.xml", agents="problems", predictor="lane_following", threads=1)
     assert "planner_error" not in run.outcomes.outcome
+    # Vehicles that enter by the same lane later are others, and the goals leave the time of a drive and a reserve.
+    assert [agent.id for agent in run.agents] == [problem.id for problem in scenario.planning_problems]
+    for problem in scenario.planning_problems:
+        (goal,) = problem.goal
+        x, y = np.mean(goal.areas[0].vertices, axis=0)
+        way = np.hypot(x - problem.initial_state.x, y - problem.initial_state.y)
+        time = (goal.time_step[1] - problem.initial_state.time_step) * scenario.dt
+        assert 7.0 < way / time < 14.0, "the limit is 50 km/h"
 
 
 @pytest.mark.parametrize(
@@ -48,6 +57,11 @@ def test_traffic_writes_a_scenario_that_can_be_run():
         (["traffic", "t_junction", "--out", "a.xml"], "traffic: there is none; give --rate or --density"),
         (["traffic", "t_junction", "--rate", "9999", "--out", "a.xml"], "traffic.rate: the rate must be"),
         (["traffic", "t_junction", "--rate", "60", "--out", "a.txt"], "name a file that ends in .xml"),
+        (["traffic", "t_junction", "--rate", "60", "--duration", "0", "--out", "a.xml"], "traffic.duration: must be"),
+        (
+            ["traffic", "t_junction", "--rate", "60", "--set", "traffic.warm_up=60", "--out", "a.xml"],
+            "traffic.warm_up: 60 s leave nothing of traffic.duration (60 s)",
+        ),
         (["run", "t_junction", "--traffic", "planner=idm"], "traffic: there is none"),
         (["batch", "t_junction", "--seeds", "2", "--out", "b"], "seeds 2: a seed chooses a number of agents"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,10 @@ from interdrive.errors import InputError
 
 if TYPE_CHECKING:
     from interdrive.runs import Run
+    from interdrive.scenario import GoalState
+
+#: Planning problems have as much time as their vehicle took, and this share more, or at least this time more [s].
+_RESERVE_SHARE, _RESERVE = 0.15, 2.0
 
 
 @click.command()
@@ -50,7 +55,7 @@ def traffic(
 
     MAP is a CommonRoad file, the name of a shipped scenario, or a map of another tool; its own vehicles and planning
     problems are left out. With --egos N, vehicles that cross the map are planning problems instead: they start where
-    and when these entered, and have to leave by the same lane.
+    and when these entered, and have to leave by the same lane, in the time that these took and 15 % (at least 2 s).
     """
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
     from interdrive.cli.traffic_report import print_flows  # noqa: PLC0415
@@ -115,7 +120,20 @@ def _as_problems(run: Run, n: int) -> Run:
             for name in ("x", "y", "orientation", "velocity", "acceleration", "yaw_rate")
         )
         start = InitialState(states.first_time_step + column, *map(float, at))
-        problems.append(PlanningProblem(id=number, initial_state=start, goal=agents[number].goal))
+        left = float(demand.left[able[place * len(able) // n]])
+        goal = tuple(_in_time(state, start.time_step, left, run.scenario.dt) for state in agents[number].goal)
+        problems.append(PlanningProblem(id=number, initial_state=start, goal=goal))
         valid[row] = False
     scenario = replace(run.scenario, planning_problems=tuple(problems))
     return replace(run, scenario=scenario, states=replace(states, valid=valid))
+
+
+def _in_time(goal: GoalState, first: int, left: float, dt: float) -> GoalState:
+    """The goal with a window from the start on that ends shortly after the vehicle itself was there.
+
+    Planners that drive no faster than their goal asks for would crawl in the window of generated vehicles, which only
+    says when they have got stuck.
+    """
+    drive = left - first * dt
+    last = first + math.ceil((drive + max(_RESERVE, _RESERVE_SHARE * drive)) / dt)
+    return replace(goal, time_step=(first + 1, max(first + 1, last)))

@@ -370,7 +370,8 @@ def _driven(scenario: Scenario) -> dict[int, tuple[int, str]]:
     """By planning problem the row of the recorded vehicle that it drives, if it has one, and where both are one.
 
     A vehicle belongs to one problem: first to a problem that starts where it is at that time, then to a problem that
-    states what it has at its first time step, which is later in files that are cut or converted. The best match counts.
+    states what it has at its first time step, at about that time. Files that are cut or converted put problems to time
+    step 0, whenever their vehicle enters: there the time says nothing. The best match counts.
     """
     problems = [problem for problem in scenario.planning_problems if problem.goal]
     found: dict[int, tuple[int, str]] = {}
@@ -395,6 +396,8 @@ def _present(scenario: Scenario, problem: PlanningProblem) -> list[tuple[int, fl
 def _entering(scenario: Scenario, problem: PlanningProblem) -> list[tuple[int, float, int, int, str]]:
     """Recorded vehicles that enter after a problem starts, in its state: rank, difference, problem, row, where."""
     state, obstacles = problem.initial_state, scenario.obstacles
+    # Many vehicles enter by one lane in nearly one state: who enters much later than a stated time is another one.
+    latest = state.time_step + max(1, round(_GAP / scenario.dt)) if state.time_step > 0 else obstacles.n_steps
     rows = np.arange(len(obstacles.ids))
     first = obstacles.valid.argmax(axis=1) if len(rows) else rows
 
@@ -403,7 +406,8 @@ def _entering(scenario: Scenario, problem: PlanningProblem) -> list[tuple[int, f
     turn = obstacles.orientation[rows, first] - state.orientation
     turn = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
     drivable = np.array([kind in DRIVABLE_KINDS for kind in obstacles.kinds], dtype=np.bool_)
-    same = drivable & ~obstacles.is_static & obstacles.valid.any(axis=1) & (first > state.time_step)
+    same = drivable & ~obstacles.is_static & obstacles.valid.any(axis=1)
+    same &= (first > state.time_step) & (first <= latest)
     same &= (distance < _SAME_PLACE) & (speed < _SAME_SPEED) & (turn < _SAME_HEADING)
     difference = distance / _SAME_PLACE + speed / _SAME_SPEED + turn / _SAME_HEADING
     return [

@@ -93,8 +93,15 @@ def generated(
         others: Agents of the file.
 
     Raises:
-        InputError: Nothing can enter, a rate is given for a lanelet that is no entry, or the map is too full.
+        InputError: Nothing can enter, a rate is given for a lanelet that is no entry, the map is too full, or the
+            warm-up leaves no time.
     """
+    # Settings are bound one source after the other, so the two are compared where both are final.
+    if settings.warm_up >= settings.duration:
+        raise InputError(
+            "traffic.warm_up",
+            f"{settings.warm_up:g} s leave nothing of traffic.duration ({settings.duration:g} s) to count",
+        )
     graph = LaneGraph(scenario.lanelets, road)
     rates = _rates(scenario, settings, graph)
     wishes: list[_Wish] = []

@@ -61,6 +61,8 @@ class TrafficSettings:
             value = getattr(self, name)
             if value is not None and not least <= value <= most:
                 raise InputError(name, f"must be at least {least:g} and at most {most:g}, not {value}")
+        if self.duration == 0.0:
+            raise InputError("duration", "must be above 0: in no time no vehicle enters")
         for name in ("turn", "mix"):
             shares = getattr(self, name)
             if not all(share >= 0.0 and math.isfinite(share) for share in shares) or not sum(shares) > 0.0:
