@@ -368,7 +368,7 @@ class PdmWeights:
     Attributes:
         progress: Way along the middle of the lane, as a share of that of the admissible proposal that gets
             furthest. Not negative.
-        ttc: 1 if no contact is near (time to collision). Not negative.
+        ttc: 1 if no contact is near. Not negative.
         comfort: 1 if it is comfortable. Not negative.
     """
 
@@ -389,7 +389,8 @@ class Pdm(CarFollowing):
     Attributes:
         horizon: Length of a proposal. Between 0.5 and 60.
         step: Largest time between two points of a proposal. Between 0.01 and 1.
-        speeds: Speeds of each path: equal shares of the speed limit, up to the whole. Between 1 and 100.
+        speeds: Number of speeds of each path: equal shares of the speed limit, up to the whole; 1: the limit alone.
+            Between 1 and 100.
         offset: Offset of the paths beside the middle of the lane, one to each side; 0: there is one path. Between 0
             and 10.
         unlimited_velocity: Target speed where no limit is stated within 50 m. Positive and at most 100.

@@ -12,7 +12,7 @@ settings! {
     pub struct PdmWeights as PdmWeights {
         /// Way along the middle of the lane, as a share of that of the admissible proposal that gets furthest.
         progress: f64 = 5.0, NOT_NEGATIVE;
-        /// 1 if no contact is near (time to collision).
+        /// 1 if no contact is near.
         ttc: f64 = 5.0, NOT_NEGATIVE;
         /// 1 if it is comfortable.
         comfort: f64 = 2.0, NOT_NEGATIVE;
@@ -29,7 +29,7 @@ settings! {
         horizon: f64 ["s"] = 4.0, between(0.5, 60.0);
         /// Largest time between two points of a proposal.
         step: f64 ["s"] = 0.1, between(0.01, 1.0);
-        /// Speeds of each path: equal shares of the speed limit, up to the whole.
+        /// Number of speeds of each path: equal shares of the speed limit, up to the whole; 1: the limit alone.
         speeds: usize = 5, between(1.0, 100.0);
         /// Offset of the paths beside the middle of the lane, one to each side; 0: there is one path.
         offset: f64 ["m"] = 1.0, between(0.0, 10.0);
