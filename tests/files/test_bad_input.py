@@ -50,7 +50,9 @@ def refusal(capfd, *arguments):
     [
         (None, "no such file"),
         ("{}", "not an XML file"),
-        (document(DRIVING)[:-200], "broken XML"),
+        (document(DRIVING)[:-200], "is the file complete?"),
+        (document(DRIVING) + "<more/>", "junk after document element: line"),
+        (document(DRIVING).replace("</commonRoad>", "</commonroad>"), "correct the file there"),
         (cr.BOMB, "document type declaration"),
         (cr.EXTERNAL_ENTITY, "document type declaration"),
         (document(lanelets=""), "has no lanelets"),

@@ -63,6 +63,11 @@ def test_traffic_writes_a_scenario_that_can_be_run():
             "traffic.warm_up: 60 s leave nothing of traffic.duration (60 s)",
         ),
         (["run", "t_junction", "--traffic", "planner=idm"], "traffic: there is none"),
+        (["run", "t_junction", "--traffic", "policy,rate=60"], "traffic.planner: policy has no file"),
+        (["run", "t_junction", "--traffic", "idm:x+idm_mobil,rate=60"], "traffic.planner: 'x' is no share of idm"),
+        (["run", "t_junction", "--traffic", "idm:0+pdm:0,rate=60"], "traffic.planner: the shares of idm:0+pdm:0"),
+        (["benchmark", "idm", "--columns", "foo", "--out", "b"], "--columns foo: expected one of replay"),
+        (["benchmark", "idm", "--power", "-1", "--out", "b"], "--power -1.0: must be above 0"),
         (["batch", "t_junction", "--seeds", "2", "--out", "b"], "seeds 2: a seed chooses a number of agents"),
     ],
 )

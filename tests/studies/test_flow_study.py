@@ -1,13 +1,17 @@
 """Fundamental diagrams on rings."""
 
+import json
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from interdrive import InputError, SimulationSettings
 from interdrive.cli import main
-from interdrive.storage import read_table
+from interdrive.cli.traffic_report import print_capacities
+from interdrive.storage import arrow_table, read_table
 from interdrive.studies.flow import COLUMNS, FLOW_FOLDER, capacities, flow_figure, flow_study, save_flow
 from interdrive.studies.flow.measure import ring_road
 
@@ -52,6 +56,27 @@ def test_capacity_is_the_largest_flow(study):
     assert first.collisions == 0
 
 
+def test_a_largest_flow_at_the_edge_of_the_densities_is_no_capacity(study, capsys):
+    rows = study.table.to_pylist()[:2]
+
+    def told(flows):
+        one = {name: [row[name] for row in rows[:1]] * len(flows) for name in study.table.column_names}
+        one |= {"flow": flows, "density": [10.0 * (i + 1) for i in range(len(flows))]}
+        made = replace(study, table=arrow_table(COLUMNS, one), planners=("idm",))
+        print_capacities(made, Path("made"))
+        return capacities(made)[0].edge, capsys.readouterr().out
+
+    assert told([900.0, 1200.0, 1500.0])[0] == "high"
+    edge, text = told([1500.0, 1200.0, 900.0])
+    assert edge == "low"
+    assert "at least 1500" in text
+    assert "10 or less" in text
+    assert "the capacity lies beyond" in text
+    edge, text = told([900.0, 1500.0, 1200.0])
+    assert edge == ""
+    assert "at least" not in text
+
+
 def test_the_folder_has_table_and_figure(study, tmp_path):
     folder = save_flow(study, tmp_path / "flow")
     assert sorted(entry.name for entry in folder.iterdir()) == [
@@ -64,6 +89,14 @@ def test_the_folder_has_table_and_figure(study, tmp_path):
     assert all(FLOW_FOLDER.belongs(entry) for entry in folder.iterdir())
     assert read_table(folder / "table.parquet", COLUMNS).num_rows == 4
     assert len(flow_figure(study).axes) == 2
+    written = json.loads((folder / "flow.json").read_text())["settings"]
+    assert written["traffic.mix"] == [1.0, 0.0, 0.0]
+    assert written["traffic.speed_factor"] == [1.0, 0.0]
+    assert written["traffic.time_gap"] is None
+    assert written["traffic.duration"] == 12.0
+    assert written["traffic.warm_up"] == 8.0
+    assert written["record.violations"] is False
+    assert "traffic.planner" not in written, "each row has its own"
 
 
 def test_a_ring_has_lanes_side_by_side_that_lead_into_themselves():
@@ -78,6 +111,10 @@ def test_a_ring_has_lanes_side_by_side_that_lead_into_themselves():
     ("words", "text"),
     [
         (["flow", "--density", "0"], "write vehicles per km from 1 to 180"),
+        (["flow", "--planner", "idm,rollout,idm"], "planner: idm is given twice"),
+        (["flow", "--density", "10,20,10"], "density: 10 is given twice"),
+        (["flow", "--set", "traffic.mix=0,1,0"], "traffic.mix: has no effect on a study of flow"),
+        (["flow", "--set", "agents.min_displacement=3"], "agents.min_displacement: has no effect"),
         (["flow", "--seeds", "2"], "study flow: it has no option --seeds"),
         (["merge", "--density", "5"], "--density belongs to `interdrive study flow`"),
     ],
@@ -91,4 +128,12 @@ def test_bad_options_give_one_line(words, text, tmp_path, monkeypatch):
 
 def test_an_unknown_planner_is_named():
     with pytest.raises(InputError, match="unknown planner 'nothing'"):
-        flow_study(["nothing"], densities=(10.0,), lanes=(1,), duration=2.0, settings=SimulationSettings(), threads=1)
+        flow_study(
+            ["nothing"],
+            densities=(10.0,),
+            lanes=(1,),
+            warm_up=1.0,
+            duration=2.0,
+            settings=SimulationSettings(),
+            threads=1,
+        )

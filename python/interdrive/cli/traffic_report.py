@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from interdrive.cli.report import output, print_folder, print_table, table_of
+from interdrive.cli.terminal import say
 from interdrive.run.flows import lane_flows
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 #: No more lanes than this are shown.
 _LANES_MAX = 40
+#: Where a capacity lies from the density of the largest flow.
+_BEYOND = {"": "", "low": " or less", "high": " or more"}
 
 
 def print_flows(run: RunRecord) -> None:
@@ -49,16 +52,19 @@ def print_capacities(study: FlowStudy, folder: Path) -> None:
     console = output()
     numbers = ("lanes", "free [km/h]", "capacity [1/h]", "at [1/km]", "jam waves [km/h]", "spread [m/s]", "collisions")
     table = table_of(("planner", *numbers), right=numbers, tight=True, title="per lane")
-    for row in capacities(study):
+    rows = capacities(study)
+    for row in rows:
         table.add_row(
             row.planner,
             str(row.lanes),
             f"{3.6 * row.free_speed:.0f}",
-            f"{row.flow:.0f}",
-            f"{row.density:.0f}",
+            f"{'at least ' if row.edge else ''}{row.flow:.0f}",
+            f"{row.density:.0f}{_BEYOND[row.edge]}",
             "" if math.isnan(row.wave_speed) else f"{row.wave_speed:.1f}",
             "" if math.isnan(row.spread) else f"{row.spread:.1f}",
             str(row.collisions),
         )
     print_table(console, table, 1)
+    if any(row.edge for row in rows):
+        say("at least: the largest flow is at the lowest or highest density; the capacity lies beyond, widen --density")
     print_folder(console, folder)

@@ -149,6 +149,11 @@ def _traffic_planners(settings: SimulationSettings) -> tuple[AgentChoice, ...]:
         return ()
     found = []
     for name, _ in settings.traffic.planners:
+        head, colon, share = name.partition(":")
+        if colon and head in RECORDS:
+            raise InputError("traffic.planner", f"{share!r} is no share of {head}; write a number, such as {head}:0.3")
+        if name == "policy":
+            raise InputError("traffic.planner", "policy has no file; set traffic.planner=policy,file=FILE")
         try:
             choice = read_planner(name, settings.planner)
         except InputError as error:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from interdrive import _core
-from interdrive.config.binding import Setting, bind
+from interdrive.config.binding import Setting, bind, flatten
 from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError, check_between
 from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSettings, V2xSettings, ViewSettings
@@ -185,10 +185,12 @@ def with_traffic(settings: SimulationSettings, traffic: TrafficSpec | None) -> S
         values = dict(traffic)
     else:
         raise InputError(f"traffic must be TrafficSettings, a mapping of its fields or a text, not {traffic!r}")
+    known = flatten(settings.traffic)
     try:
-        made = bind(settings.traffic, values)
+        bind(settings.traffic, {name: value for name, value in values.items() if name not in known})
     except InputError as error:
         raise error.within("traffic") from None
-    if not made.is_on:
+    found = bind(settings, {f"traffic.{name}": value for name, value in values.items()})
+    if not found.traffic.is_on:
         raise InputError("traffic", "there is none: give a rate or a density, such as rate=600")
-    return replace(settings, traffic=made)
+    return found

@@ -13,6 +13,17 @@ from interdrive.files.encoding import text_of
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
+#: Errors of documents that end too early, by their numbers in expat.
+_CUT = tuple(
+    expat.errors.codes[text]
+    for text in (
+        expat.errors.XML_ERROR_NO_ELEMENTS,
+        expat.errors.XML_ERROR_UNCLOSED_TOKEN,
+        expat.errors.XML_ERROR_PARTIAL_CHAR,
+        expat.errors.XML_ERROR_UNCLOSED_CDATA_SECTION,
+    )
+)
+
 
 def parse(data: bytes, file: str) -> Element:
     """Parses an XML document without entities, document types or external references.
@@ -39,7 +50,9 @@ def parse(data: bytes, file: str) -> Element:
     except (ParseError, expat.ExpatError, ValueError) as error:
         if not text.lstrip().startswith("<"):
             raise InputError(f"{file}: not an XML file; give a CommonRoad .xml or .pb file") from error
-        raise InputError(f"{file}: broken XML ({error}); is the file complete?") from error
+        is_cut = getattr(error, "code", None) in _CUT
+        advice = "is the file complete?" if is_cut else "correct the file there"
+        raise InputError(f"{file}: broken XML ({error}); {advice}") from error
     return root
 
 

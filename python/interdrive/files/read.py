@@ -146,7 +146,7 @@ def read_document(data: bytes, file: str, path: Path | None = None, *, raw: bool
             found = read_elements(text_of(data, file), file)
         except SyntaxError as error:
             document.parse(data, file)  # says more of what is wrong
-            raise InputError(f"{file}: broken XML ({error}); is the file complete?") from None
+            raise InputError(f"{file}: broken XML ({error}); correct the file there") from None
         result = converted(found, found.problems, file=file, path=path, sha256=sha256, facts=found.facts)
     return _repaired(result, raw=raw)
 

@@ -74,6 +74,7 @@ class TrafficSettings:
             mean, sd = drawn
             if not (0.1 <= mean <= 10.0 and 0.0 <= sd <= 10.0):
                 raise InputError(name, f"must be a mean from 0.1 to 10 and a deviation from 0 to 10, not {mean}, {sd}")
+        _ = self.planners
         factor = max([1.0, *(value for _, value in self.profile_steps)])
         for lane, rate in [(None, self.rate), *self.lane_rates.items()]:
             self._check_rate(lane, rate, factor)
@@ -131,7 +132,9 @@ class TrafficSettings:
             except ValueError:
                 found.append((part, 1.0))  # module:object
         total = sum(share for _, share in found)
-        if not all(name and share >= 0.0 for name, share in found) or not 0.0 < total < math.inf:
+        if found and total == 0.0 and all(name and share == 0.0 for name, share in found):
+            raise InputError("planner", f"the shares of {self.planner} are all 0; give one of them more")
+        if not all(name and share >= 0.0 for name, share in found) or not total < math.inf:
             raise InputError("planner", f"write a planner, or shares such as rollout:0.7+idm:0.3, not {self.planner!r}")
         return tuple((name, share / total) for name, share in found)
 

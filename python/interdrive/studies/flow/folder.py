@@ -27,7 +27,7 @@ def save_flow(study: FlowStudy, folder: str | Path, *, overwrite: bool = False) 
     """Writes the folder of a study of flow, whole or not at all, and returns its path.
 
     It holds the table as Parquet and CSV, the figure flow as PDF and PNG, and flow.json (planners, predictor, times,
-    settings).
+    settings of the runs).
 
     Args:
         study: The study.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.config.binding import bind, flatten
+from interdrive.errors import InputError
 from interdrive.scenario import STATE_FIELDS, Lanelets, Obstacles, Scenario
 from interdrive.simulation import simulate
 from interdrive.storage import Column, arrow_table
@@ -32,6 +33,16 @@ _CAR, _GAP = 4.6, 0.8
 _LANE_WIDTH, _LANELETS = 3.75, 8
 #: Time between steps [s].
 _DT = 0.1
+#: What all runs have: cars alike, with the time gap of their planner.
+_OWN = {
+    "record.violations": False,
+    "record.orders": False,
+    "traffic.mix": (1.0, 0.0, 0.0),
+    "traffic.speed_factor": (1.0, 0.0),
+    "traffic.time_gap": None,
+}
+#: Settings that change nothing here.
+_IDLE = ("traffic.", "agents.", "goal.", "recording.", "source.")
 
 COLUMNS = (
     Column("planner", "text", "who drives all vehicles"),
@@ -55,7 +66,7 @@ class FlowStudy:
         planners: What was compared.
         predictor: Of all vehicles.
         duration: Length of each run [s]. warm_up: What counts begins then [s].
-        settings: Of the runs.
+        settings: Of the runs, as they were driven; planner and density are those of the row.
         seed: Of the traffic.
     """
 
@@ -99,11 +110,15 @@ def flow_study(
         on_run: Called after every run with its name, its number and that of all runs.
 
     Raises:
-        InputError: A planner or setting cannot be used.
+        InputError: A planner or setting cannot be used or has no effect, something is there twice, or the warm-up
+            leaves no time.
     """
+    _check(planners, densities, settings)
+    if warm_up >= duration:
+        raise InputError("warm_up", f"{warm_up:g} s leave nothing of {duration:g} s to count")
     asked = [(planner, n, density) for planner in planners for n in lanes for density in densities]
     rows: list[dict[str, Any]] = []
-    own = bind(settings, {"record.violations": False, "record.orders": False})
+    own = bind(settings, {**_OWN, "traffic.duration": duration, "traffic.warm_up": warm_up})
     for planner, n, density in asked:
         speed = equilibrium_speed(max(0.0, 1000.0 / density - _CAR), _LIMIT, _GAP)
         length = max(_LENGTH_MIN, speed * duration + _SPARE)
@@ -112,14 +127,7 @@ def flow_study(
             agents=0,
             predictor=predictor,
             settings=own,
-            traffic={
-                "planner": planner,
-                "density": density,
-                "duration": duration,
-                "mix": (1.0, 0.0, 0.0),
-                "speed_factor": (1.0, 0.0),
-                "time_gap": None,
-            },
+            traffic={"planner": planner, "density": density},
             seed=seed,
             threads=threads,
         )
@@ -127,7 +135,20 @@ def flow_study(
         if on_run is not None:
             on_run(f"{planner}, {density:g} per km", len(rows), len(asked))
     table = arrow_table(COLUMNS, {column.name: [row[column.name] for row in rows] for column in COLUMNS})
-    return FlowStudy(table, tuple(planners), predictor, duration, warm_up, flatten(settings), seed)
+    used = {name: value for name, value in flatten(own).items() if name not in ("traffic.planner", "traffic.density")}
+    return FlowStudy(table, tuple(planners), predictor, duration, warm_up, used, seed)
+
+
+def _check(planners: Sequence[str], densities: Sequence[float], settings: SimulationSettings) -> None:
+    """Refuses what is there twice, and settings that the study replaces or that rings know nothing of."""
+    for name, given in (("planner", planners), ("density", densities)):
+        for one in given:
+            if list(given).count(one) > 1:
+                raise InputError(name, f"{one if isinstance(one, str) else f'{one:g}'} is given twice")
+    usual = flatten(type(settings)())
+    for name, value in flatten(settings).items():
+        if value != usual[name] and name.startswith(_IDLE):
+            raise InputError(name, "has no effect on a study of flow, which makes its own traffic on rings")
 
 
 def _measured(run: Run, lane_length: float, warm_up: float) -> dict[str, Any]:

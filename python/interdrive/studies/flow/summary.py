@@ -21,6 +21,8 @@ class Capacity:
         free_speed: Mean speed at the least density [m/s].
         flow: Largest flow [1/h], per lane.
         density: At which it is [1/km].
+        edge: "low" or "high" if that is the lowest or highest density of the study: the capacity is at least the flow,
+            and lies beyond; "" if it lies between.
         wave_speed: Slope of the flow over the densities above that [km/h], speed of jam waves; nan for fewer than 2.
         spread: Largest standard deviation of speeds above that density [m/s]: stop-and-go waves; nan without any.
         collisions: Vehicles that collided, in all runs.
@@ -31,6 +33,7 @@ class Capacity:
     free_speed: float
     flow: float
     density: float
+    edge: str
     wave_speed: float
     spread: float
     collisions: int
@@ -56,6 +59,7 @@ def capacities(study: FlowStudy) -> tuple[Capacity, ...]:
                 free_speed=own[0]["speed"],
                 flow=best["flow"],
                 density=best["density"],
+                edge="high" if best is own[-1] else "low" if best is own[0] else "",
                 wave_speed=slope,
                 spread=max((row["spread"] for row in jammed), default=float("nan")),
                 collisions=sum(row["collisions"] for row in own),
