@@ -26,7 +26,8 @@ class RolloutWeights:
         nearness: Integral of the nearness to others, from 0 to 1 and weighted by the probabilities of their modes
             [s]. Not negative.
         edge: 1 if it comes nearer to the edge of the road than `road_margin`. Not negative.
-        margin: 1 if it comes nearer to another participant than the margins. Not negative.
+        margin: 1 if it comes nearer to another participant than the margins; beside what stands, for every 0.1 m
+            missing. Not negative.
         contact: (1 + closing speed) / (time until then)² of the first contact [m/s³]: the later and the slower, the
             less certain it is and the less harm it does. Not negative.
         off_road: The same for leaving the road, whose edge does not move. Not negative.

@@ -356,7 +356,7 @@ fn step(time: f64) -> f64 {
 
 /// The constant deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] comes down to its
 /// speed within some room [m], if it begins after a reaction time [s]; infinite if there is no room [m/s²].
-fn required_deceleration(room: f64, faster: f64, reaction: f64) -> f64 {
+pub(super) fn required_deceleration(room: f64, faster: f64, reaction: f64) -> f64 {
     let faster = faster.max(0.0);
     let room = room - reaction * faster;
     if room <= 0.0 { f64::INFINITY } else { 0.5 * faster * faster / room }

@@ -6,25 +6,40 @@ use std::cell::OnceCell;
 
 use super::car_following::LEADER_HEADING_COSINE;
 use super::conflicts::LINE_GAP;
+use super::lane_change::required_deceleration;
 use super::{Other, PlanRequest};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::STATIONARY_SPEED;
+use crate::conduct::{FIRM_DECELERATION, FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
 pub(super) use detour::{Detour, Leader};
 
 /// Clearances to a passed obstruction [m]: the first with enough room counts.
 pub(super) const CLEARANCES: [f64; 2] = [0.3, 0.2];
+/// An agent keeps this more, where there is room, for each m/s of its speed [s]: its steering lags, and people keep more,
+/// too.
+const CLEARANCE_TIME: f64 = 0.02;
 /// Room needed before and behind the obstruction [m], examined at this step [m].
 pub(super) const LEAD: f64 = 1.0;
 pub(super) const ROOM_STEP: f64 = 2.0;
 /// Time before the obstruction at which the agent moves to the side [s], but at least this distance [m].
 const SWING_TIME: f64 = 3.0;
+/// The same on lanelets of its own direction [s]: from there on it would brake for what stands.
+const OWN_SWING_TIME: f64 = 6.0;
 pub(super) const SWING_LENGTH: f64 = 10.0;
 /// Vehicles that stand nearer to the path than this [m] and head along it wait in a queue.
 pub(super) const QUEUE_OFFSET: f64 = 1.0;
 /// Vehicles that stand so near before a stop line or behind another one [m] wait there.
 const WAITING_REACH: f64 = 15.0;
+
+/// An agent that has moved by this share of the offset is under way: vehicles behind it follow.
+const UNDER_WAY: f64 = 0.3;
+/// Vehicles from behind are looked at up to this distance [m], on the path this far around where it is expected [m].
+const FOLLOWER_REACH: f64 = 150.0;
+const FOLLOWER_WINDOW: f64 = 12.0;
+/// The room that they keep [m], and the time after which they brake [s], as for changes of lane.
+const FOLLOWER_GAP: f64 = 1.0;
+const FOLLOWER_REACTION: f64 = 1.0;
 
 /// Largest offset at which something is passed [m].
 const OFFSET_MAX: f64 = 3.0;
@@ -60,13 +75,15 @@ impl Obstructions {
     pub(super) fn ahead(request: &PlanRequest, place: &Place, (deceleration, gap): (f64, f64)) -> Self {
         let Place { s, velocity, .. } = *place;
         let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
-        let near = front + reach(velocity);
+        let near = front + SWING_LENGTH.max(OWN_SWING_TIME * velocity);
         let (mut found, mut leaders, mut blocks) = (Self::default(), Vec::new(), Vec::new());
         for other in request.others {
             let Some((standing, velocity)) = Standing::of(other, request, place, 0.0) else { continue };
             let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
             match passage {
-                Some(Passage::Here(offset)) if standing.rear < near => found.beside.push(offset),
+                Some(Passage::Here(offset)) if standing.rear < near && has_gap(request, place, offset) => {
+                    found.beside.push(offset);
+                }
                 Some(Passage::Here(_)) => {}
                 Some(Passage::Opposite(offset)) => blocks.push((standing.rear, standing.front, offset)),
                 None => leaders.push(Leader { rear: standing.rear, velocity }),
@@ -82,7 +99,7 @@ impl Obstructions {
             Some(leader) => {
                 found.wait = Some(Barrier::lasting(leader.rear - gap + LINE_GAP, BarrierReason::Yield));
             }
-            None if detour.rear() < near => found.beside.push(detour.offset),
+            None if detour.rear() < front + reach(velocity) => found.beside.push(detour.offset),
             None => {}
         }
         found
@@ -162,8 +179,7 @@ impl Standing {
         if !is_parked && self.cos > LEADER_HEADING_COSINE && self.d.abs() < QUEUE_OFFSET {
             return None;
         }
-        let found = self.sides(request, d_max, |place, road| road.is_own(place));
-        if let Some(offset) = found {
+        if let Some(offset) = self.sides(request, d_max, |place, road| road.is_own(place)) {
             return Some(Passage::Here(offset));
         }
         let settings = request.rules.settings;
@@ -171,7 +187,8 @@ impl Standing {
         if !(settings.enabled && settings.passing && may_be_passed) {
             return None;
         }
-        let found = self.sides(request, d_max, |place, road| road.is_own(place) || road.is_open(place));
+        let is_road = |place, road: &Section| road.is_own(place) || road.is_open(place);
+        let found = self.sides(request, d_max, is_road);
         found.filter(|offset| is_parked || offset * self.d < 0.0).map(Passage::Opposite)
     }
 
@@ -192,7 +209,8 @@ impl Standing {
 
     /// The nearest offset beside it whose ground is admitted.
     fn sides(&self, request: &PlanRequest, d_max: f64, admits: impl Fn(Point, &Section) -> bool) -> Option<f64> {
-        CLEARANCES.into_iter().find_map(|clearance| {
+        let wide = CLEARANCES[0] + CLEARANCE_TIME * request.state.velocity.max(0.0);
+        std::iter::once(wide).chain(CLEARANCES).find_map(|clearance| {
             let half_gap = self.half_d + 0.5 * request.vehicle.width + clearance;
             let mut sides = [(self.d - half_gap).min(0.0), (self.d + half_gap).max(0.0)];
             sides.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
@@ -216,6 +234,30 @@ impl Standing {
     }
 }
 
+/// Nobody who comes from behind has to brake hard for an agent that moves over to an offset [m].
+fn has_gap(request: &PlanRequest, place: &Place, offset: f64) -> bool {
+    let (path, vehicle) = (&request.route.path, request.vehicle);
+    let is_under_way = (offset - place.d).abs() < (1.0 - UNDER_WAY) * offset.abs();
+    let middle = place.s + vehicle.rear_axle_to_center;
+    let side = 0.5 * vehicle.width + CLEARANCES[0];
+    let is_held_up = |other: &Other| {
+        let from = other.pose.position - request.state.pose().position;
+        let axis = Point::from_angle(other.pose.orientation);
+        let along = from.dot(Point::from_angle(request.state.orientation));
+        if other.is_static || other.velocity < STATIONARY_SPEED || !(-FOLLOWER_REACH..vehicle.length).contains(&along) {
+            return false;
+        }
+        let body = other.shape.oriented_box(other.pose);
+        let Some((s, d)) = path.project_near(body.center, middle + along, FOLLOWER_WINDOW) else { return false };
+        let is_in = |y: f64| (d - y).abs() < side + body.half_width;
+        let is_follower = axis.dot(path.at(s).tangent()) > FOLLOWER_COSINE && is_in(offset) && d.abs() > QUEUE_OFFSET;
+        let room = middle - s - 0.5 * vehicle.length - body.half_length;
+        let faster = other.velocity - place.velocity;
+        is_follower && required_deceleration(room - FOLLOWER_GAP, faster, FOLLOWER_REACTION) > FIRM_DECELERATION
+    };
+    is_under_way || !request.others.iter().any(is_held_up)
+}
+
 /// It never moves, or is a parked vehicle.
 pub(super) fn is_parked(other: &Other) -> bool {
     other.is_static || other.kind == ParticipantKind::ParkedVehicle
@@ -232,11 +274,12 @@ pub(super) struct Section<'a> {
     tangent: Point,
     middle: Point,
     opposite: OnceCell<Vec<usize>>,
+    beyond_lines: OnceCell<Vec<usize>>,
 }
 
 impl<'a> Section<'a> {
     pub(super) fn new(request: &'a PlanRequest<'a>, tangent: Point, middle: Point) -> Self {
-        Self { request, tangent, middle, opposite: OnceCell::new() }
+        Self { request, tangent, middle, opposite: OnceCell::new(), beyond_lines: OnceCell::new() }
     }
 
     /// Cosine of a lanelet's direction to the path's, beside a place.
@@ -250,7 +293,9 @@ impl<'a> Section<'a> {
     fn is_own(&self, place: Point) -> bool {
         let here = self.request.road.lanelets_at(place);
         let (road, route) = (self.request.road, self.request.route);
-        here.iter().any(|lanelet| route.may_use(road, *lanelet) && self.cosine(*lanelet, place) > LEADER_HEADING_COSINE)
+        let is_own =
+            |lanelet: usize| route.may_use(road, lanelet) && self.cosine(lanelet, place) > LEADER_HEADING_COSINE;
+        here.iter().any(|lanelet| is_own(*lanelet) && !self.beyond_lines().contains(lanelet))
     }
 
     /// A place lies on a lane of the other direction beside the agent's, with a line between them that may be crossed.
@@ -262,20 +307,35 @@ impl<'a> Section<'a> {
     /// Lanes of the other direction beside the agent's that may be entered; worked out when they are first asked for.
     pub(super) fn opposite(&self) -> &[usize] {
         self.opposite.get_or_init(|| {
-            let (road, closed) = (self.request.road, &self.request.rules.control.closed);
-            let mut own = road.lanelets_at(self.middle);
-            own.retain(|lanelet| self.cosine(*lanelet, self.middle) > LEADER_HEADING_COSINE);
-            let beside = |lanelet: usize| {
-                let found = &road.lanelets()[lanelet];
-                let sides = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
-                let open = sides.filter(move |(_, closed)| closed.binary_search(&lanelet).is_err());
-                open.filter_map(|(beside, _)| {
-                    beside
-                        .filter(|(beside, is_same)| !is_same && self.request.route.may_use(road, *beside))
-                        .map(|(beside, _)| beside)
-                })
-            };
-            own.into_iter().flat_map(beside).collect()
+            let may_use = |lanelet| self.request.route.may_use(self.request.road, lanelet);
+            let found = self.beside().filter(|(_, is_same, is_open)| !is_same && *is_open);
+            found.map(|(lanelet, ..)| lanelet).filter(|lanelet| may_use(*lanelet)).collect()
         })
+    }
+
+    /// Lanes of the agent's direction beyond a line that must not be crossed.
+    fn beyond_lines(&self) -> &[usize] {
+        self.beyond_lines.get_or_init(|| {
+            if !self.request.rules.settings.enabled {
+                return Vec::new();
+            }
+            let found = self.beside().filter(|(_, is_same, is_open)| *is_same && !is_open);
+            found.map(|(lanelet, ..)| lanelet).collect()
+        })
+    }
+
+    /// Lanelets beside the agent's, whether they have its direction, and whether the line between may be crossed.
+    fn beside(&self) -> impl Iterator<Item = (usize, bool, bool)> {
+        let (road, closed) = (self.request.road, &self.request.rules.control.closed);
+        let mut own = road.lanelets_at(self.middle);
+        own.retain(|lanelet| self.cosine(*lanelet, self.middle) > LEADER_HEADING_COSINE);
+        let beside = move |lanelet: usize| {
+            let found = &road.lanelets()[lanelet];
+            let sides = [found.adjacent_left, found.adjacent_right].into_iter().zip(closed);
+            sides.filter_map(move |(beside, closed)| {
+                beside.map(|(beside, is_same)| (beside, is_same, closed.binary_search(&lanelet).is_err()))
+            })
+        };
+        own.into_iter().flat_map(beside)
     }
 }

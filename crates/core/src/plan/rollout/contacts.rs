@@ -5,7 +5,7 @@ use super::super::{Other, PlanRequest};
 use super::settings::RolloutSettings;
 use super::start::Start;
 use super::steering::RolloutPoint;
-use crate::conduct::FOLLOWER_COSINE;
+use crate::conduct::{FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 
@@ -23,6 +23,10 @@ const RISK_ACROSS: (f64, f64) = (0.3, 0.1);
 const RISK_STEP: usize = 3;
 /// The vehicle can accelerate by this on its way to what it may meet [m/s²].
 const ACCELERATION: f64 = 3.0;
+/// Shares of the margins to which they are known: how much a plan keeps, and how much there is at its beginning.
+const SHARES: [f64; 3] = [0.75, 0.5, 0.25];
+/// Being nearer to others than the margin by up to this costs what any missing margin costs [m].
+const MISSING_MIN: f64 = 0.1;
 /// Room around what the vehicle can cover [m].
 const ROOM: f64 = 2.0;
 /// It moves to the side by at most this share of its way.
@@ -57,6 +61,8 @@ struct Body {
     first: usize,
     n: usize,
     is_static: bool,
+    /// It is where it will be.
+    stands: bool,
     overlaps_now: bool,
     /// Kept along and across [m], and more across for the relative speed [s].
     margin: [f64; 3],
@@ -113,7 +119,7 @@ impl Surroundings {
             if !body.grown(1.0).overlaps(reach) {
                 continue;
             }
-            let (margin, overlaps_now) = margin(&body, own, passing, settings);
+            let (margin, overlaps_now) = margin((&body, true), own, passing, settings);
             let first = self.boxes.len();
             self.boxes.push(body);
             self.bodies.push(Body {
@@ -123,6 +129,7 @@ impl Surroundings {
                 first,
                 n: 1,
                 is_static: true,
+                stands: true,
                 overlaps_now,
                 margin,
                 radius: body.radius(),
@@ -161,10 +168,10 @@ impl Surroundings {
                 self.boxes.push(other.shape.oriented_box_along(position, request.prediction_index.axis(k)));
             }
             let n = self.boxes.len() - first;
-            let (margin, overlaps_now) = margin(&now, own, passing, settings);
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
             let radius = now.radius();
-            let is_static = false;
+            let (is_static, stands) = (false, other.velocity.abs() < STATIONARY_SPEED);
+            let (margin, overlaps_now) = margin((&now, stands), own, passing, settings);
             self.bodies.push(Body {
                 other: index,
                 probability,
@@ -172,6 +179,7 @@ impl Surroundings {
                 first,
                 n,
                 is_static,
+                stands,
                 overlaps_now,
                 margin,
                 radius,
@@ -184,29 +192,37 @@ impl Surroundings {
         (place < body.n).then(|| &self.boxes[body.first + place])
     }
 
-    /// The first contact that is the vehicle's to avoid, with its margins or without.
-    pub(super) fn first_contact(
-        &self,
-        request: &PlanRequest,
-        points: &[RolloutPoint],
-        keeps_margin: bool,
-    ) -> Option<Contact> {
+    /// The first contact that is the vehicle's to avoid, with a share of its margins.
+    pub(super) fn first_contact(&self, request: &PlanRequest, points: &[RolloutPoint], share: f64) -> Option<Contact> {
         let mut first: Option<Contact> = None;
         for body in self.bodies.iter().filter(|body| body.is_hard) {
             let last = first.map_or(points.len(), |contact| contact.point);
-            first = self.contact(body, request, &points[..last], keeps_margin).or(first);
+            first = self.contact(body, request, &points[..last], share).or(first);
         }
         first
     }
 
-    fn contact(
+    /// What a roll-out that comes nearer to others than the margins misses beside those who stand, in multiples of what
+    /// any missing margin costs. Where those who move will be is too uncertain to be measured.
+    pub(super) fn missing_margin(
         &self,
-        body: &Body,
         request: &PlanRequest,
         points: &[RolloutPoint],
-        keeps_margin: bool,
-    ) -> Option<Contact> {
-        let [along, across, across_time] = if keeps_margin { body.margin } else { [0.0; 3] };
+        settings: &RolloutSettings,
+    ) -> f64 {
+        let mut missing: f64 = 1.0;
+        for body in self.bodies.iter().filter(|body| body.stands) {
+            for share in std::iter::once(1.0).chain(SHARES) {
+                let Some(Contact { speed, .. }) = self.contact(body, request, points, share) else { break };
+                let margin = settings.margin_width + settings.margin_time * speed;
+                missing = missing.max((1.0 - share + SHARES[2]) * margin / MISSING_MIN);
+            }
+        }
+        missing
+    }
+
+    fn contact(&self, body: &Body, request: &PlanRequest, points: &[RolloutPoint], share: f64) -> Option<Contact> {
+        let [along, across, across_time] = body.margin.map(|margin| share * margin);
         let vehicle = request.vehicle;
         let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along;
         let mut before = self.at(body, 0)?;
@@ -284,13 +300,25 @@ impl Surroundings {
     }
 }
 
-/// The margins to keep to a body passed at a speed [m/s], none if the vehicle is nearer now, and whether it overlaps.
-fn margin(body: &OrientedBox, own: &OrientedBox, passing: f64, settings: &RolloutSettings) -> ([f64; 3], bool) {
+/// The margins to keep to a body passed at a speed [m/s], and whether the vehicle overlaps it now. Where it is nearer now, it
+/// keeps as much as it has to a body that stands, and none to one that moves.
+fn margin(
+    (body, stands): (&OrientedBox, bool),
+    own: &OrientedBox,
+    passing: f64,
+    settings: &RolloutSettings,
+) -> ([f64; 3], bool) {
     let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
-    let half_length = body.half_length + margins[0];
-    let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
-    let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
-    if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
+    let is_near = |share: f64| {
+        let half_length = body.half_length + share * margins[0];
+        let half_width = body.half_width + share * (margins[1] + margins[2] * passing.abs());
+        own.overlaps(&OrientedBox { half_length, half_width, ..*body })
+    };
+    let shares = SHARES.into_iter().filter(|_| stands);
+    match std::iter::once(1.0).chain(shares).find(|share| !is_near(*share)) {
+        Some(share) => (margins.map(|margin| share * margin), false),
+        None => ([0.0; 3], own.overlaps(body)),
+    }
 }
 
 /// The other would run with its front into the agent's rear half, although it can still stop.

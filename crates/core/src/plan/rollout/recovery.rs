@@ -39,7 +39,7 @@ impl Search<'_> {
             return None;
         }
         let rollout = self.shifted(points);
-        self.is_free(&rollout, true).then_some(rollout)
+        self.is_free(&rollout).then_some(rollout)
     }
 
     /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits neither for
@@ -72,7 +72,7 @@ impl Search<'_> {
                 let speeds = Speeds::back(length, self.task.n_points, request.dt);
                 back.drive(request, &start, (0.0, Along::Path), &speeds, Steering::swinging(share, f64::INFINITY));
                 self.memory.effort += 1;
-                if !self.is_free(&back, true) {
+                if !self.is_free(&back) {
                     continue;
                 }
                 let Some(found) = self.onwards(&back.points[back.points.len() - 1], start.s - length) else { continue };

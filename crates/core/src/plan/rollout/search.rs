@@ -152,18 +152,18 @@ impl<'a> Search<'a> {
         self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, wish: self.task.wish, way: 0.0 });
     }
 
-    /// It stays on the road without a contact, with its margins or without.
-    pub(super) fn is_free(&mut self, rollout: &Rollout, keeps_margin: bool) -> bool {
+    /// It stays on the road and keeps its margins.
+    pub(super) fn is_free(&mut self, rollout: &Rollout) -> bool {
         let request = self.task.request;
         leaves_road(request, rollout, 0.0, &mut self.memory.road).is_none()
-            && self.memory.surroundings.first_contact(request, &rollout.points, keeps_margin).is_none()
+            && self.memory.surroundings.first_contact(request, &rollout.points, 1.0).is_none()
     }
 
     /// The point at which it comes too near to the edge of the road or to another participant.
     pub(super) fn first_fault(&mut self, rollout: &Rollout) -> Option<usize> {
         let request = self.task.request;
         let off_road = leaves_road(request, rollout, self.settings.road_margin, &mut self.memory.road);
-        let contact = self.memory.surroundings.first_contact(request, &rollout.points, true);
+        let contact = self.memory.surroundings.first_contact(request, &rollout.points, 1.0);
         off_road.into_iter().chain(contact).map(|found| found.point).min()
     }
 
@@ -320,10 +320,13 @@ impl<'a> Search<'a> {
             off_road = leaves_road(request, &rollout, 0.0, &mut self.memory.road);
         }
         let surroundings = &self.memory.surroundings;
-        let mut contact = surroundings.first_contact(request, &rollout.points, true);
+        let mut contact = surroundings.first_contact(request, &rollout.points, 1.0);
         if contact.is_some() {
-            terms[9] = 1.0;
-            contact = surroundings.first_contact(request, &rollout.points, false);
+            contact = surroundings.first_contact(request, &rollout.points, 0.0);
+            terms[9] = match contact {
+                Some(_) => 1.0,
+                None => surroundings.missing_margin(request, &rollout.points, self.settings),
+            };
         }
         terms[10] = contact.map_or(0.0, |contact| contact.severity(dt));
         terms[11] = off_road.map_or(0.0, |contact| contact.severity(dt));

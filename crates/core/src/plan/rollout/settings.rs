@@ -24,7 +24,7 @@ settings! {
         nearness: f64 = 1.0, NOT_NEGATIVE;
         /// 1 if it comes nearer to the edge of the road than `road_margin`.
         edge: f64 = 2.0, NOT_NEGATIVE;
-        /// 1 if it comes nearer to another participant than the margins.
+        /// 1 if it comes nearer to another participant than the margins; beside what stands, for every 0.1 m missing.
         margin: f64 = 5.0, NOT_NEGATIVE;
         /// (1 + closing speed) / (time until then)² of the first contact [m/s³]: the later and the slower, the less certain
         /// it is and the less harm it does.
