@@ -144,7 +144,16 @@ impl Scene {
         self.observed_velocity_at(row, self.time_step).expect("rows in `present` have a state now")
     }
 
-    /// The same as it could be observed at a time step of the past; `None` where the participant was absent.
+    /// Acceleration along the heading [m/s²] as it can be observed: the change of the observed speed over the last time
+    /// steps; 0 for a participant that was absent before.
+    pub fn observed_acceleration(&self, row: usize) -> f64 {
+        const WINDOW: i64 = 3;
+        let now = self.observed_velocity(row);
+        let before = self.observed_velocity_at(row, self.time_step - WINDOW);
+        before.map_or(0.0, |before| (now - before) / (WINDOW as f64 * self.dt))
+    }
+
+    /// The speed as it could be observed at a time step of the past; `None` where the participant was absent.
     pub fn observed_velocity_at(&self, row: usize, time_step: i64) -> Option<f64> {
         /// A stated speed that differs by more from the observed motion is not believed [m/s].
         const CONTRADICTION: f64 = 1.0;

@@ -49,6 +49,8 @@ struct PathOccupancy {
     /// Position in the request's `others`.
     other: usize,
     mode: usize,
+    /// Deceleration of a participant that leads now [m/s²], not negative.
+    braking: f64,
     counts: bool,
 }
 
@@ -100,7 +102,7 @@ impl Conflicts {
         };
         let row = self.intervals.len();
         self.intervals.resize(row + self.n_points, PathInterval { velocity: 0.0, along: true, ..interval });
-        self.push_occupancies(ego, row, index, 0);
+        self.push_occupancies(ego, row, (index, other), 0);
     }
 
     fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
@@ -128,7 +130,7 @@ impl Conflicts {
             self.put(row + last, &end);
             self.fill(&predicted, row, (0, now), (last, end));
             if self.intervals[row..].iter().any(|interval| interval.inside) {
-                self.push_occupancies(ego, row, index, mode);
+                self.push_occupancies(ego, row, (index, other), mode);
             } else {
                 self.intervals.truncate(row);
             }
@@ -168,7 +170,7 @@ impl Conflicts {
     }
 
     /// Splits the intervals from `row` on into occupancies.
-    fn push_occupancies(&mut self, ego: &Ego, row: usize, other: usize, mode: usize) {
+    fn push_occupancies(&mut self, ego: &Ego, row: usize, (index, other): (usize, &Other), mode: usize) {
         let intervals = &self.intervals[row..row + self.n_points];
         let mut at = 0;
         while at < intervals.len() {
@@ -197,8 +199,9 @@ impl Conflicts {
                 along,
                 stays,
                 entry,
-                other,
+                other: index,
                 mode,
+                braking: (-other.acceleration).max(0.0),
                 counts: first == 0,
             });
         }
@@ -272,14 +275,14 @@ impl Conflicts {
 
     /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²], for a vehicle at an arc
     /// length [m] with a speed [m/s]; infinite without any. `follow` gives the acceleration for a gap [m] behind a leader of
-    /// a speed [m/s], of which `minimum_gap` [m] is kept; crossing participants may be left out.
+    /// a speed [m/s] that brakes [m/s²], of which `minimum_gap` [m] is kept; crossing participants may be left out.
     pub(super) fn allowed(
         &self,
         point: usize,
         ego: &Ego,
         (s, velocity): (f64, f64),
         (minimum_gap, counts_crossing): (f64, bool),
-        follow: impl Fn(f64, f64) -> f64,
+        follow: impl Fn(f64, f64, f64) -> f64,
     ) -> f64 {
         let front = s + ego.to_front;
         let mut least = f64::INFINITY;
@@ -289,7 +292,7 @@ impl Conflicts {
                 continue;
             }
             let room = barrier.s - LINE_GAP - front;
-            let waits = follow(room + minimum_gap, 0.0);
+            let waits = follow(room + minimum_gap, 0.0, 0.0);
             let arrives = if left.is_finite() { not_before(room, velocity, 0.0, left) } else { f64::NEG_INFINITY };
             least = least.min(waits.max(arrives));
         }
@@ -302,7 +305,7 @@ impl Conflicts {
                 if occupancy.entry < front - COMMITTED {
                     continue;
                 }
-                let stop = follow(occupancy.entry - front, 0.0);
+                let stop = follow(occupancy.entry - front, 0.0, 0.0);
                 if occupancy.stays {
                     stop
                 } else {
@@ -314,12 +317,12 @@ impl Conflicts {
                 if 0.5 * (interval.low + interval.high) <= front {
                     continue;
                 }
-                follow(interval.low - front, interval.velocity)
+                follow(interval.low - front, interval.velocity, occupancy.braking)
             } else {
                 let joined = interval(occupancy.first);
                 let time = (occupancy.first - point) as f64 * self.dt;
                 let moved_back = joined.low - joined.velocity * time;
-                let keep = follow(moved_back - front, joined.velocity);
+                let keep = follow(moved_back - front, joined.velocity, 0.0);
                 let room = joined.low - front - minimum_gap;
                 keep.max(not_before(room, velocity, joined.velocity, time))
             };

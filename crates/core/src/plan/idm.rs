@@ -98,7 +98,7 @@ pub(super) fn follow_path(
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = free_road(speed_profile, s, velocity);
         // The model adds both parts; `allowed` holds the acceleration of a free road.
-        let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
+        let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
         let taken = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration;
         let wanted = free + taken.min(0.0);
         let time = (request.time_step + point as i64) as f64 * request.dt;

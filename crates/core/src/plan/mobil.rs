@@ -107,7 +107,7 @@ pub(super) fn plan(
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let braking = if has_pace { speed_profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         let free = free.min(braking);
-        let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
+        let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
         let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration)
             .min(0.0);
         let wanted = free + taken;

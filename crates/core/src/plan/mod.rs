@@ -108,6 +108,8 @@ pub struct Other<'a> {
     pub pose: Pose,
     /// Its speed now [m/s].
     pub velocity: f64,
+    /// How that changed of late [m/s²].
+    pub acceleration: f64,
     /// Its footprint in its body frame.
     pub shape: &'a Shape,
     /// Never moves.

@@ -237,7 +237,7 @@ pub(super) fn plan(
         let desired = |s: f64| speed_profile.at(s).min(most);
         let slowing = (desired(s + v * lawful::SLOWING_TIME) - v) / lawful::SLOWING_TIME;
         let wish = ((desired(s) - v) / dt).min(APPROACH).min(slowing).max(-lawful::SLOWING_MAX);
-        let follow = |gap: f64, leader: f64| law.following(v, gap, leader);
+        let follow = |gap: f64, leader: f64, _: f64| law.following(v, gap, leader);
         let taken = conflicts.allowed(point, &ego, (s, v), (law.minimum_gap, true), follow) - law.acceleration;
         // A driver that reacts keeps its speed or brakes, whatever it wishes.
         wish.min(driven) + taken.min(0.0)

@@ -109,7 +109,7 @@ pub(super) fn plan(
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let now = clock + point as f64;
         let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);
-        let follow = |gap: f64, leader: f64| law.following(velocity, gap, leader);
+        let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
         let allowed = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow);
         limited(wish.min(allowed), velocity, request.vehicle)
     };

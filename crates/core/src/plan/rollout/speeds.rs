@@ -42,10 +42,9 @@ const FOLLOWER_SHARE: f64 = 0.7;
 /// As its time gap falls from the second to the first [s], the agent opens the gap ahead no further: where vehicles further
 /// behind counted, dense rows of agents that stopped braked as in emergencies.
 const FOLLOWER_TIME_GAP: (f64, f64) = (0.25, 0.5);
-/// Closing in by more than this [m/s], it brakes harder by this for every m/s [1/s], up to what Gipps asks for.
-const CLOSING_IN: f64 = 5.0;
-const CLOSING_GAIN: f64 = 2.0;
-/// An agent that closes in on what moves keeps this share of the gap to a standing leader, and at least some room [m].
+/// A leader that is seen to brake with less than this may as well not [m/s²]: recorded speeds are uncertain by so much.
+const BRAKING_MIN: f64 = 2.0;
+/// An agent that closes in keeps at least this share of the gap to a standing leader, and some room [m].
 const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
 /// An agent aims this far inside the goal's interval of speeds, as it reaches its desired speed late [m/s].
@@ -235,8 +234,8 @@ impl Speeds {
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
-            let follow = |room: f64, leader: f64| {
-                following((room, gap), (velocity, leader), comfort, task.opening((point, s), room))
+            let follow = |room: f64, leader: f64, braking: f64| {
+                following((room, gap), (velocity, leader, braking), comfort, task.opening((point, s), room))
             };
             let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
             free.min(allowed)
@@ -283,19 +282,34 @@ fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
 /// Acceleration towards the safe speed behind a leader [m/s²] for the room up to it and the part of it that is kept [m]. An
 /// agent that is too near but hardly closes in opens the gap gently instead: so traffic that is denser than comfortable
 /// does not come to a stop (the constant-acceleration heuristic of Treiber, Kesting, "Traffic Flow Dynamics", 2013, 11.4).
-fn following((room, gap): (f64, f64), (velocity, leader): (f64, f64), comfort: &Comfort, opening: f64) -> f64 {
+fn following(
+    (room, gap): (f64, f64),
+    (velocity, leader, braking): (f64, f64, f64),
+    comfort: &Comfort,
+    opening: f64,
+) -> f64 {
     let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
     let closing = (velocity - leader).max(0.0);
-    let kept = if leader > 0.0 { CLOSEST * gap } else { gap };
-    let needed = 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
-    // A leader that is so much slower may be braking hard: what suffices if it goes on like that comes too late.
-    let hurry = if leader > 0.0 { (closing - CLOSING_IN).max(0.0) } else { 0.0 };
-    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening * OPENING - CLOSING_GAIN * hurry);
+    // A leader that brakes comes to rest at the end of its own way.
+    let rest = match (leader > 0.0, braking > BRAKING_MIN) {
+        (false, _) => Some(room),
+        (true, true) => Some(room + 0.5 * leader * leader / braking),
+        (true, false) => None,
+    };
+    // Before what comes to rest as much of the gap is kept as comfortable braking leaves.
+    let comfortable = 0.5 * velocity * velocity / (BRAKING_SHARE * comfort.deceleration);
+    let kept = rest.map_or(CLOSEST * gap, |rest| (rest - comfortable).clamp(CLOSEST * gap, gap));
+    let needed = |room: f64, closing: f64| 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
+    let moving = needed(room, closing);
+    let stopping = rest.map_or(0.0, |rest| needed(rest, velocity));
+    let needed = moving.max(stopping);
+    let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening * OPENING);
     // Where the gap may not be opened, it is at least kept.
     let keeping = ((leader - velocity) / LAG - wanted).max(0.0);
     let wanted = if leader > velocity { wanted + (1.0 - opening) * keeping } else { wanted };
     // Towards the end the safe speed is approached with a lag, which would lead beyond what stands.
-    if leader == 0.0 && needed > NEEDED_SHARE * comfort.deceleration { wanted.min(-needed) } else { wanted }
+    let hard = if leader == 0.0 { NEEDED_SHARE * comfort.deceleration } else { comfort.deceleration };
+    if (leader == 0.0 || needed == stopping) && needed > hard { wanted.min(-needed) } else { wanted }
 }
 
 /// Largest comfortable jerk at a speed [m/s³].
@@ -339,4 +353,27 @@ fn integrate(task: &Task, mut law: impl FnMut(usize, f64, f64) -> f64) -> Speeds
         before = acceleration;
     }
     Speeds { velocity: velocities, acceleration: accelerations, s }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_follower_brakes_as_hard_as_it_takes_to_stop_behind_a_leader_that_brakes() {
+        // Comfort: 0.85 s, 2 m, 2 m/s². Gipps' safe speed is sqrt(1.7² + v_leader² + 4 (room - 2)) - 1.7.
+        for (room, velocity, leader, braking, expected) in [
+            // It brakes too little to count: the gap is opened with 0.7 m/s².
+            (9.0, 15.0, 15.0, 1.9, -0.7),
+            // It stands after 15²/16 = 14.1 m; half of the 2 m is kept: 15² / (2 (9 + 14.1 - 1)).
+            (9.0, 15.0, 15.0, 8.0, -5.099_150),
+            // It stands, and comfortable braking leaves the whole gap: the safe speed decides, (4.207 - 4) / 0.85.
+            (10.0, 4.0, 0.0, 0.0, 0.243_160),
+            // 4.9 - 4.5²/5.2 = 1.006 m of the gap can be kept with 2.6 m/s².
+            (4.9, 4.5, 0.0, 0.0, -2.6),
+        ] {
+            let found = following((room, 2.0), (velocity, leader, braking), &Comfort::default(), 1.0);
+            assert!((found - expected).abs() < 1e-5, "{room} m, {velocity}, {leader} m/s, {braking} m/s²: {found}");
+        }
+    }
 }
