@@ -1,6 +1,7 @@
 """A vehicle parked partly or wholly in an agent's lane, passed over another lane of the same direction.
 
-Two lanes towards +x, 3.5 m wide, with a limit of 30 m/s; the parked car is 4.5 m long and 1.8 m wide, the agent 1.61 m wide.
+Two lanes towards +x, 3.5 m wide, with a limit of 30 m/s; the parked car is 4.5 m long and 1.8 m wide, the agent 1.61 m
+wide.
 """
 
 from __future__ import annotations
