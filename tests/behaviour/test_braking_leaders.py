@@ -53,3 +53,21 @@ def test_an_agent_begins_to_brake_within_half_a_second_of_the_car_ahead():
     _, gap, acceleration = driven(15.0, 1.2, 4.0)
     assert np.flatnonzero(acceleration < -1.0)[0] <= ONSET + 6, "time steps"
     assert 0.8 < gap[-1] < 2.5, "m, at rest"
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "x"])
+def test_noise_of_a_recording_is_no_braking(quantity):
+    """Positions that are off by 0.1 m, or speeds by 0.2 m/s, of a car that keeps 15 m/s."""
+    scenario = world(
+        straight_road(900.0),
+        cars=[Car(50, 60.0 + 15.0 + HALVES, 0.0, 15.0)],
+        problems=[problem(1, 60.0, 0.0, 15.0, goal=(800.0, 0.0), time_step=(0, 300))],
+        steps=200,
+    )
+    obstacles = scenario.obstacles
+    size = {"velocity": 0.2, "x": 0.1}[quantity]
+    noise = np.random.default_rng(1).normal(0.0, size, obstacles.x.shape)
+    noisy = replace(obstacles, **{quantity: getattr(obstacles, quantity) + noise})
+    run = idr.simulate(replace(scenario, obstacles=noisy), agents=[1], threads=1)
+    both = run.states.valid.all(axis=0)
+    assert run.states.acceleration[0, both].min() > -1.0, "m/s²"

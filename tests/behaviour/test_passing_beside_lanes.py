@@ -65,3 +65,20 @@ def test_a_line_between_two_lanes_of_a_direction_is_not_crossed_where_it_is_soli
     assert (x[400] > PARKED) == is_passed, "m, after 40 s"
     assert is_passed or np.abs(offset).max() < 0.5 * (3.5 - 1.61), "m, within its lane"
     assert run.violations.rule == ()
+
+
+@pytest.mark.parametrize("behind", [45.0, 60.0, 70.0, 80.0, 100.0])
+def test_an_agent_is_not_hit_by_faster_cars_that_do_not_react_in_the_lane_that_it_passes_on(behind):
+    run, *_ = driven(-0.2, 12.0, cars=[Car(60, 100.0 - behind, 3.5, 20.0)])
+    assert run.outcomes.outcome == ("goal_reached",), run.outcomes.reason
+
+
+@pytest.mark.parametrize("distance", [8.0, 12.0, 16.0])
+def test_the_tail_does_not_swing_into_a_parked_car_when_the_agent_turns_to_pass_the_next_one(distance):
+    first, second = Car(50, PARKED, -0.9), Car(51, PARKED + distance, 0.9)
+    lane = straight_road(600.0, lane_width=4.8)
+    agent = problem(1, 100.0, 0.0, 8.0, goal=(500.0, 0.0), time_step=(0, 900))
+    scenario = world(lane, cars=[first, second], problems=[agent], steps=900)
+    kinds = ("parked_vehicle",) * len(scenario.obstacles.ids)
+    run = idr.simulate(replace(scenario, obstacles=replace(scenario.obstacles, kinds=kinds)), agents=[1], threads=1)
+    assert run.outcomes.outcome[0] != "collision", run.outcomes.reason

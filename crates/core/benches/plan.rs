@@ -79,7 +79,7 @@ impl Bench {
                 row,
                 pose: *pose,
                 velocity: *velocity,
-                acceleration: 0.0,
+                braking: 0.0,
                 shape: &self.shape,
                 is_static: false,
                 kind: ParticipantKind::Car,

@@ -144,13 +144,21 @@ impl Scene {
         self.observed_velocity_at(row, self.time_step).expect("rows in `present` have a state now")
     }
 
-    /// Acceleration along the heading [m/s²] as it can be observed: the change of the observed speed over the last time
-    /// steps; 0 for a participant that was absent before.
-    pub fn observed_acceleration(&self, row: usize) -> f64 {
-        const WINDOW: i64 = 3;
-        let now = self.observed_velocity(row);
-        let before = self.observed_velocity_at(row, self.time_step - WINDOW);
-        before.map_or(0.0, |before| (now - before) / (WINDOW as f64 * self.dt))
+    /// Deceleration along the heading [m/s²] as it can be observed, not negative: the lesser of those over the last 0.3 and
+    /// 0.6 s, so that neither noise nor a dab of the brakes counts for much. 0 for a participant that was absent then, or
+    /// whose stated speed is contradicted by its motion.
+    pub fn observed_braking(&self, row: usize) -> f64 {
+        const WINDOWS: [f64; 2] = [0.3, 0.6];
+        let now = self.state(row).velocity;
+        if self.observed_velocity(row).to_bits() != now.to_bits() {
+            return 0.0;
+        }
+        let over = |window: &f64| {
+            let steps = (window / self.dt).round().max(1.0);
+            let before = self.past.get(row, self.time_step - steps as i64)?;
+            Some((before.velocity - now) / (steps * self.dt))
+        };
+        WINDOWS.iter().filter_map(over).reduce(f64::min).map_or(0.0, |braking| braking.max(0.0))
     }
 
     /// The speed as it could be observed at a time step of the past; `None` where the participant was absent.

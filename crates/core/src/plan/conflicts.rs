@@ -201,7 +201,7 @@ impl Conflicts {
                 entry,
                 other: index,
                 mode,
-                braking: (-other.acceleration).max(0.0),
+                braking: other.braking,
                 counts: first == 0,
             });
         }

@@ -108,8 +108,8 @@ pub struct Other<'a> {
     pub pose: Pose,
     /// Its speed now [m/s].
     pub velocity: f64,
-    /// How that changed of late [m/s²].
-    pub acceleration: f64,
+    /// How hard it has braked of late [m/s²], not negative.
+    pub braking: f64,
     /// Its footprint in its body frame.
     pub shape: &'a Shape,
     /// Never moves.

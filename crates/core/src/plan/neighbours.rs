@@ -144,7 +144,7 @@ mod tests {
             (-2.0, -1.0, true, 2.0),
             (-0.4, 1.0, true, 0.0),
         ] {
-            let other = Other { row: 0, pose, velocity, acceleration: 0.0, shape: &shape, is_static: false, kind };
+            let other = Other { row: 0, pose, velocity, braking: 0.0, shape: &shape, is_static: false, kind };
             assert_eq!((other.leads(cos), other.velocity_along(cos)), (leads, along), "{velocity} m/s, cosine {cos}");
         }
     }

@@ -9,7 +9,7 @@ use super::conflicts::LINE_GAP;
 use super::lane_change::required_deceleration;
 use super::{Other, PlanRequest};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{FIRM_DECELERATION, FOLLOWER_COSINE, STATIONARY_SPEED};
+use crate::conduct::{FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::vehicle::ParticipantKind;
 pub(super) use detour::{Detour, Leader};
@@ -33,13 +33,17 @@ pub(super) const QUEUE_OFFSET: f64 = 1.0;
 const WAITING_REACH: f64 = 15.0;
 
 /// An agent that has moved by this share of the offset is under way: vehicles behind it follow.
-const UNDER_WAY: f64 = 0.3;
+const UNDER_WAY: f64 = 0.5;
+/// After this time its body is in the way of those behind [s].
+const MOVING_TIME: f64 = 2.5;
 /// Vehicles from behind are looked at up to this distance [m], on the path this far around where it is expected [m].
 const FOLLOWER_REACH: f64 = 150.0;
 const FOLLOWER_WINDOW: f64 = 12.0;
-/// The room that they keep [m], and the time after which they brake [s], as for changes of lane.
+/// The room that they keep [m], the time after which they brake [s], as for changes of lane, and how hard [m/s²]: there is
+/// time to let others pass first, some of whom replay a recording and do not react.
 const FOLLOWER_GAP: f64 = 1.0;
 const FOLLOWER_REACTION: f64 = 1.0;
+const FOLLOWER_DECELERATION: f64 = 1.0;
 
 /// Largest offset at which something is passed [m].
 const OFFSET_MAX: f64 = 3.0;
@@ -75,13 +79,17 @@ impl Obstructions {
     pub(super) fn ahead(request: &PlanRequest, place: &Place, (deceleration, gap): (f64, f64)) -> Self {
         let Place { s, velocity, .. } = *place;
         let front = s + request.vehicle.rear_axle_to_center + 0.5 * request.vehicle.length;
+        let soon = front + reach(velocity);
         let near = front + SWING_LENGTH.max(OWN_SWING_TIME * velocity);
         let (mut found, mut leaders, mut blocks) = (Self::default(), Vec::new(), Vec::new());
         for other in request.others {
             let Some((standing, velocity)) = Standing::of(other, request, place, 0.0) else { continue };
             let passage = if velocity == 0.0 { standing.passage(other, request, OFFSET_MAX) } else { None };
             match passage {
-                Some(Passage::Here(offset)) if standing.rear < near && has_gap(request, place, offset) => {
+                // Where it is near, contacts decide.
+                Some(Passage::Here(offset))
+                    if standing.rear < soon || standing.rear < near && has_gap(request, place, offset) =>
+                {
                     found.beside.push(offset);
                 }
                 Some(Passage::Here(_)) => {}
@@ -99,7 +107,7 @@ impl Obstructions {
             Some(leader) => {
                 found.wait = Some(Barrier::lasting(leader.rear - gap + LINE_GAP, BarrierReason::Yield));
             }
-            None if detour.rear() < front + reach(velocity) => found.beside.push(detour.offset),
+            None if detour.rear() < soon => found.beside.push(detour.offset),
             None => {}
         }
         found
@@ -209,14 +217,17 @@ impl Standing {
 
     /// The nearest offset beside it whose ground is admitted.
     fn sides(&self, request: &PlanRequest, d_max: f64, admits: impl Fn(Point, &Section) -> bool) -> Option<f64> {
-        let wide = CLEARANCES[0] + CLEARANCE_TIME * request.state.velocity.max(0.0);
-        std::iter::once(wide).chain(CLEARANCES).find_map(|clearance| {
+        let [wide, least] = CLEARANCES;
+        let widest = wide + CLEARANCE_TIME * request.state.velocity.max(0.0);
+        let near = if self.d > 0.0 { -1.0 } else { 1.0 };
+        let beside = |side: f64, clearance: f64| {
             let half_gap = self.half_d + 0.5 * request.vehicle.width + clearance;
-            let mut sides = [(self.d - half_gap).min(0.0), (self.d + half_gap).max(0.0)];
-            sides.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-            let has_room = |side: &f64| side.abs() <= d_max && self.has_room(request, *side, &admits);
-            sides.into_iter().find(has_room)
-        })
+            let offset = self.d + side * half_gap;
+            let offset = if side < 0.0 { offset.min(0.0) } else { offset.max(0.0) };
+            (offset.abs() <= d_max && self.has_room(request, offset, &admits)).then_some(offset)
+        };
+        let on = |side: f64| beside(side, widest).or_else(|| beside(side, wide));
+        on(near).or_else(|| on(-near)).or_else(|| beside(near, least)).or_else(|| beside(-near, least))
     }
 
     /// The ground is admitted on which the agent passes at an offset of its rear axle.
@@ -234,7 +245,7 @@ impl Standing {
     }
 }
 
-/// Nobody who comes from behind has to brake hard for an agent that moves over to an offset [m].
+/// Nobody who comes from behind will have to brake noticeably for an agent that moves over early to an offset [m].
 fn has_gap(request: &PlanRequest, place: &Place, offset: f64) -> bool {
     let (path, vehicle) = (&request.route.path, request.vehicle);
     let is_under_way = (offset - place.d).abs() < (1.0 - UNDER_WAY) * offset.abs();
@@ -251,9 +262,9 @@ fn has_gap(request: &PlanRequest, place: &Place, offset: f64) -> bool {
         let Some((s, d)) = path.project_near(body.center, middle + along, FOLLOWER_WINDOW) else { return false };
         let is_in = |y: f64| (d - y).abs() < side + body.half_width;
         let is_follower = axis.dot(path.at(s).tangent()) > FOLLOWER_COSINE && is_in(offset) && d.abs() > QUEUE_OFFSET;
-        let room = middle - s - 0.5 * vehicle.length - body.half_length;
         let faster = other.velocity - place.velocity;
-        is_follower && required_deceleration(room - FOLLOWER_GAP, faster, FOLLOWER_REACTION) > FIRM_DECELERATION
+        let room = middle - s - 0.5 * vehicle.length - body.half_length - MOVING_TIME * faster.max(0.0);
+        is_follower && required_deceleration(room - FOLLOWER_GAP, faster, FOLLOWER_REACTION) > FOLLOWER_DECELERATION
     };
     is_under_way || !request.others.iter().any(is_held_up)
 }

@@ -253,7 +253,7 @@ impl Surroundings {
             let change = &request.lane_change;
             let is_behind = -apart.dot(ego.axis) < -ego.half_length && other.axis.dot(ego.axis) > FOLLOWER_COSINE;
             let is_reversing = points[i - 1].velocity < 0.0 || points[i].velocity < 0.0;
-            if !is_reversing && is_behind && (keeps_lane || change.is_accepted) {
+            if !is_reversing && is_behind && !body.stands && (keeps_lane || change.is_accepted) {
                 return None;
             }
             let time = i as f64 * request.dt;

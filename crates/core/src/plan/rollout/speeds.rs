@@ -42,8 +42,9 @@ const FOLLOWER_SHARE: f64 = 0.7;
 /// As its time gap falls from the second to the first [s], the agent opens the gap ahead no further: where vehicles further
 /// behind counted, dense rows of agents that stopped braked as in emergencies.
 const FOLLOWER_TIME_GAP: (f64, f64) = (0.25, 0.5);
-/// A leader that is seen to brake with less than this may as well not [m/s²]: recorded speeds are uncertain by so much.
-const BRAKING_MIN: f64 = 2.0;
+/// A leader that is seen to brake with less than the first of these may as well not [m/s²], as recorded speeds are noisy; from
+/// the second on it is believed.
+const BRAKING: (f64, f64) = (1.5, 2.5);
 /// An agent that closes in keeps at least this share of the gap to a standing leader, and some room [m].
 const CLOSEST: f64 = 0.5;
 const ROOM_MIN: f64 = 0.1;
@@ -291,17 +292,18 @@ fn following(
     let safe = safe_velocity(room - gap, leader, (comfort.time_gap, comfort.deceleration));
     let closing = (velocity - leader).max(0.0);
     // A leader that brakes comes to rest at the end of its own way.
-    let rest = match (leader > 0.0, braking > BRAKING_MIN) {
-        (false, _) => Some(room),
-        (true, true) => Some(room + 0.5 * leader * leader / braking),
-        (true, false) => None,
+    let believed = ((braking - BRAKING.0) / (BRAKING.1 - BRAKING.0)).clamp(0.0, 1.0);
+    let (rest, believed) = match (leader > 0.0, believed > 0.0) {
+        (false, _) => (Some(room), 1.0),
+        (true, true) => (Some(room + 0.5 * leader * leader / braking), believed),
+        (true, false) => (None, 0.0),
     };
     // Before what comes to rest as much of the gap is kept as comfortable braking leaves.
     let comfortable = 0.5 * velocity * velocity / (BRAKING_SHARE * comfort.deceleration);
     let kept = rest.map_or(CLOSEST * gap, |rest| (rest - comfortable).clamp(CLOSEST * gap, gap));
     let needed = |room: f64, closing: f64| 0.5 * closing * closing / (room - kept).max(ROOM_MIN);
     let moving = needed(room, closing);
-    let stopping = rest.map_or(0.0, |rest| needed(rest, velocity));
+    let stopping = rest.map_or(0.0, |rest| believed * needed(rest, velocity));
     let needed = moving.max(stopping);
     let wanted = ((safe - velocity) / comfort.time_gap).max(-needed - opening * OPENING);
     // Where the gap may not be opened, it is at least kept.
@@ -364,11 +366,11 @@ mod tests {
         // Comfort: 0.85 s, 2 m, 2 m/s². Gipps' safe speed is sqrt(1.7² + v_leader² + 4 (room - 2)) - 1.7.
         for (room, velocity, leader, braking, expected) in [
             // It brakes too little to count: the gap is opened with 0.7 m/s².
-            (9.0, 15.0, 15.0, 1.9, -0.7),
+            (9.0, 15.0, 15.0, 1.5, -0.7),
             // It stands after 15²/16 = 14.1 m; half of the 2 m is kept: 15² / (2 (9 + 14.1 - 1)).
             (9.0, 15.0, 15.0, 8.0, -5.099_150),
             // It stands, and comfortable braking leaves the whole gap: the safe speed decides, (4.207 - 4) / 0.85.
-            (10.0, 4.0, 0.0, 0.0, 0.243_160),
+            (10.0, 4.0, 0.0, 0.0, 0.243_266),
             // 4.9 - 4.5²/5.2 = 1.006 m of the gap can be kept with 2.6 m/s².
             (4.9, 4.5, 0.0, 0.0, -2.6),
         ] {

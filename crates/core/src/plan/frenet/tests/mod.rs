@@ -178,7 +178,7 @@ impl Drive {
                 row,
                 pose: car.pose,
                 velocity: car.velocity,
-                acceleration: 0.0,
+                braking: 0.0,
                 shape: &car.shape,
                 is_static: car.is_static,
                 kind: ParticipantKind::Car,
