@@ -371,8 +371,10 @@ mod tests {
             (9.0, 15.0, 15.0, 8.0, -5.099_150),
             // It stands, and comfortable braking leaves the whole gap: the safe speed decides, (4.207 - 4) / 0.85.
             (10.0, 4.0, 0.0, 0.0, 0.243_266),
-            // 4.9 - 4.5²/5.2 = 1.006 m of the gap can be kept with 2.6 m/s².
-            (4.9, 4.5, 0.0, 0.0, -2.6),
+            // With 2.6 m/s², 4.9 - 4.5²/5.2 = 1.006 m could be kept; the safe speed asks for (2.107 - 4.5) / 0.85.
+            (4.9, 4.5, 0.0, 0.0, -2.815_796),
+            // 3.2 - 3.8²/5.2 = 0.42 m is less than half of the gap: 3.8² / (2 (3.2 - 1)).
+            (3.2, 3.8, 0.0, 0.0, -3.281_818),
         ] {
             let found = following((room, 2.0), (velocity, leader, braking), &Comfort::default(), 1.0);
             assert!((found - expected).abs() < 1e-5, "{room} m, {velocity}, {leader} m/s, {braking} m/s²: {found}");
