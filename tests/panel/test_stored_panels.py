@@ -181,4 +181,4 @@ def test_bad_options_are_one_line(run, tmp_path, arguments, message):
 def test_bad_traffic_of_a_panel_is_one_line():
     result = CliRunner().invoke(main, ["panel", "--traffic", "same"])
     assert result.exit_code == 2
-    assert "--traffic same: expected recorded or velocity_adjusting" in result.stderr
+    assert "--traffic same: expected recorded, velocity_adjusting, rollout" in result.stderr
