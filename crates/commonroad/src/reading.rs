@@ -84,7 +84,7 @@ fn distinct(ids: impl Iterator<Item = i64>) -> Read<BTreeSet<i64>> {
     let mut taken = BTreeSet::new();
     for number in ids {
         if !taken.insert(number) {
-            return Err(Refusal::of(format!("ID {number} is already used; give every element its own")));
+            return Err(Refusal::of(format!("ID {number} is already used; give each lanelet and obstacle its own")));
         }
     }
     Ok(taken)
