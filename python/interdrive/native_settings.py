@@ -396,7 +396,7 @@ class Pdm(CarFollowing):
             and 10.
         unlimited_velocity: Target speed where no limit is stated within 50 m. Positive and at most 100.
         radius: Participants further away do not count. Positive and at most 1000.
-        braking_time: It brakes if the best proposal hits somebody within this time ... Between 0 and 60.
+        braking_time: It brakes if the best proposal hits another participant within this time ... Between 0 and 60.
         braking_velocity: ... and the agent is at most this fast. Between 0 and 100.
         braking: How hard it then brakes. Positive and at most 100.
         weights: Weights of the quality.

@@ -245,7 +245,7 @@ impl Standing {
     }
 }
 
-/// Nobody who comes from behind will have to brake noticeably for an agent that moves over early to an offset [m].
+/// No vehicle from behind will have to brake noticeably for an agent that moves over early to an offset [m].
 fn has_gap(request: &PlanRequest, place: &Place, offset: f64) -> bool {
     let (path, vehicle) = (&request.route.path, request.vehicle);
     let is_under_way = (offset - place.d).abs() < (1.0 - UNDER_WAY) * offset.abs();

@@ -37,7 +37,7 @@ settings! {
         unlimited_velocity: f64 ["m/s"] = 15.0, positive(100.0);
         /// Participants further away do not count.
         radius: f64 ["m"] = 50.0, positive(1000.0);
-        /// It brakes if the best proposal hits somebody within this time ...
+        /// It brakes if the best proposal hits another participant within this time ...
         braking_time: f64 ["s"] = 2.0, between(0.0, 60.0);
         /// ... and the agent is at most this fast.
         braking_velocity: f64 ["m/s"] = 5.0, between(0.0, 100.0);

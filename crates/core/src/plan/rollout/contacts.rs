@@ -202,8 +202,8 @@ impl Surroundings {
         first
     }
 
-    /// What a roll-out that comes nearer to others than the margins misses beside those who stand, in multiples of what
-    /// any missing margin costs. Where those who move will be is too uncertain to be measured.
+    /// What a roll-out that comes nearer to others than the margins misses beside what stands, in multiples of what any
+    /// missing margin costs. Predictions of moving participants are too uncertain for such a measure.
     pub(super) fn missing_margin(
         &self,
         request: &PlanRequest,
@@ -301,7 +301,7 @@ impl Surroundings {
 }
 
 /// The margins to keep to a body passed at a speed [m/s], and whether the vehicle overlaps it now. Where it is nearer now, it
-/// keeps as much as it has to a body that stands, and none to one that moves.
+/// keeps as much as it has to a body that stands, and no margin to a moving body.
 fn margin(
     (body, stands): (&OrientedBox, bool),
     own: &OrientedBox,
