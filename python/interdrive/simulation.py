@@ -398,14 +398,49 @@ class Simulation:
         """How agents have ended until now, without reasons; `record` has them."""
         return outcomes_of(self.world.outcomes(), self._planner_names, self._tracebacks)
 
-    def record(self) -> Run:
-        """The run until now, as arrays."""
+    def run_until_ended(self, agent_id: int) -> None:
+        """Steps until one agent has its outcome; the others may still be driving then.
+
+        Args:
+            agent_id: The agent.
+
+        Raises:
+            InputError: It is not an agent of the run.
+            PredictorError: The predictor raised an exception or returned invalid predictions.
+        """
+        rows = np.flatnonzero(self.world.outcomes()["agent_id"] == agent_id)
+        if not len(rows):
+            raise InputError(f"{agent_id} is not an agent of this run")
+        while not self.world.is_done:
+            self.step()
+            is_driving = agent_id in self.world.driving
+            if not is_driving and self.outcomes().outcome[int(rows[0])] != "running":
+                break
+        self._stop_workers()
+
+    def record(self, *, explained: bool = True) -> Run:
+        """The run until now, as arrays.
+
+        Args:
+            explained: With reasons of outcomes and, where `record.violations` says so, violations. Both take time.
+        """
+        if not explained:
+            return self._unexplained()
         return self._recorded(with_violations=self.settings.record.violations)
 
     def _recorded(self, *, with_violations: bool) -> Run:
+        run = self._unexplained()
+        broken = (
+            violations(run, self.road, self._core_scenario.junctions(), self.world.obeying, self.world.entries())
+            if with_violations
+            else None
+        )
+        return replace(run, outcomes=replace(run.outcomes, reason=reasons(run, self.road)), violations=broken)
+
+    def _unexplained(self) -> Run:
         states, outcomes, names = self.states(), self.outcomes(), self._planner_names
         plans = Plans(**self.world.plans())
-        run = Run(
+        return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
             agents=tuple(agent_record(agent, names[agent.id]) for agent in self._as_entered(states)),
@@ -436,12 +471,6 @@ class Simulation:
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
-        broken = (
-            violations(run, self.road, self._core_scenario.junctions(), self.world.obeying, self.world.entries())
-            if with_violations
-            else None
-        )
-        return replace(run, outcomes=replace(outcomes, reason=reasons(run, self.road)), violations=broken)
 
     def _demand(self, states: States, outcomes: Outcomes) -> Demand | None:
         made = self.traffic

@@ -14,14 +14,16 @@ from interdrive import InputError, ResultsError
 from interdrive.cli import main
 from interdrive.failure_search import Space, check_failure, failures, replay
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
-from interdrive.failure_search.search import _interval
+from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.shrinking import shrunk
-from interdrive.failure_search.spaces import Disturbance, Error, disturbance, pairs, undisturbed
+from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
 from interdrive.testing import Car, straight_road, world
 
 AGENT, LEADER = 101, 102
 #: A leader that may brake, and nothing else.
-BRAKING = Space((0.0, 0.0), (1.0, 1.0), ("brakes",), 0.5, (80.0, 80.0), 1)
+BRAKING = Space(
+    (0.0, 0.0), (1.0, 1.0), (), errors=("brakes",), error_share=0.5, sight=(80.0, 80.0), occlusion=0.0, others=1
+)
 RUNS = 12
 #: A planner that does not see what is ahead.
 BLIND = "drivers:Straight"
@@ -70,7 +72,9 @@ def test_a_planner_that_does_not_see_its_leader_brake_is_found_at_fault_and_othe
     assert len(found.failures) <= 3, "failures of one signature"
     rows = pq.read_table(folder / "evaluations.parquet").to_pydict()
     assert rows["index"] == list(range(RUNS))
-    assert all(rows["uniform"][::2])
+    assert rows["source"][:9] == ["uniform"] * 9
+    assert rows["uniform"] == [source == "uniform" for source in rows["source"]]
+    assert "levels" in rows["source"]
     assert [failure != "" for failure in rows["failure"]] == [value < 0.0 for value in rows["criticality"]]
 
 
@@ -133,6 +137,21 @@ def test_the_command_says_what_it_found_and_its_interval(file, tmp_path):
     assert "0 failures kept, 0 of them avoidable; 0 of 4 uniform runs fail: 0.00 % (0.00 to 60.24)" in text
 
 
+def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path):
+    searched(file, tmp_path / "two", workers=2)
+    for name in ("evaluations.jsonl", "evaluations.parquet", "search.json"):
+        assert (tmp_path / "two" / name).read_bytes() == (done[1] / name).read_bytes(), name
+    assert [one.digest for one in failures(tmp_path / "two")] == [one.digest for one in done[0].failures]
+
+
+def test_a_search_ends_after_its_time_and_after_so_many_failures(done, file, tmp_path):
+    assert searched(file, tmp_path / "short", runs=None, minutes=1e-9).runs == 0
+    found = searched(file, tmp_path / "one", stop_after=1)
+    assert [one.digest for one in found.failures] == [done[0].failures[0].digest]
+    assert found.runs < RUNS
+    assert searched(file, tmp_path / "one").runs == RUNS, "it goes on"
+
+
 def test_a_leader_brakes_and_drives_on():
     changed = disturbed(
         scenario(), Disturbance({LEADER: 0.0}, {LEADER: 1.0}, Error("brakes", LEADER, 1.0, 5.0, 1.0), None)
@@ -173,12 +192,28 @@ def test_what_cannot_have_come_about_is_not_driven():
     assert why(100.0) == "102 has no way left"
 
 
+def test_drivers_of_others_are_drawn_from_their_population_and_rare_ones_are_not_driven():
+    (pair, _) = pairs(scenario(), "leader.xml", 4)
+    space = Space()
+    point = dict(zip(space.coordinates, undisturbed(space), strict=True))
+    slow = disturbance(space, "idm", pair, list({**point, "time_gap.0": 0.9}.values()))
+    assert slow.drivers[LEADER]["time_gap"] == pytest.approx(1.36, abs=0.01), (
+        "90 % quantile: 1 s, 0.25 in the logarithm"
+    )
+    assert slow.rare is None
+    assert slow.words() == "102 is driven with time_gap 1.36"
+    rare = disturbance(space, "idm", pair, list({**point, "time_gap.0": 1.0, "acceleration.0": 1.0}.values()))
+    assert rare.rare == LEADER
+    plain = space.with_traffic("lawful")
+    assert disturbance(plain, "lawful", pair, undisturbed(plain)).drivers == {}
+
+
 def test_the_undisturbed_point_changes_nothing():
-    (pair, _) = pairs(scenario(), 4)
+    (pair, _) = pairs(scenario(), "leader.xml", 4)
     for space in (Space(), Space(start_speed=(1.0, 1.0)), replace(Space(), errors=())):
-        change = disturbance(space, pair, undisturbed(space))
+        change = disturbance(space, "idm", pair, undisturbed(space))
         assert change.words() == "nothing is disturbed"
-        assert disturbed(pair.scenario, change).obstacles.x is not None
+        assert np.array_equal(disturbed(scenario(), change).obstacles.x, scenario().obstacles.x, equal_nan=True)
 
 
 def test_shrinking_leaves_only_what_is_needed():
@@ -189,19 +224,17 @@ def test_shrinking_leaves_only_what_is_needed():
     assert 0.7 <= small[0] < 0.73
 
 
-def test_intervals_are_those_of_clopper_and_pearson():
-    # Fleiss, Levin, Paik, "Statistical Methods for Rates and Proportions": 0 of 10, 5 of 10, 10 of 10.
-    assert _interval(0, 10) == pytest.approx((0.0, 0.0, 0.3085), abs=1e-4)
-    assert _interval(5, 10) == pytest.approx((0.5, 0.1871, 0.8129), abs=1e-4)
-    assert _interval(10, 10) == pytest.approx((1.0, 0.6915, 1.0), abs=1e-4)
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"agent_id": 7}, "agent 7: no vehicle of leader that can be an agent"),
+        ({"agent_id": 7}, "leader: agent 7: no vehicle that can be an agent has this id"),
         ({"planner": object()}, "a search keeps failures: name the planner, as module:object"),
         ({"runs": 0}, "runs: must be positive, is 0"),
+        ({"minutes": -1.0}, "minutes: must be positive, is -1.0"),
+        ({"workers": 0}, "workers: must be positive, is 0"),
+        ({"method": "cma"}, "method: must be one of levels, uniform, not 'cma'"),
+        ({"planner": "idmm"}, "idmm"),
+        ({"traffic": "recorded", "space": Space(driver=("time_gap",))}, "traffic recorded has no time_gap to draw"),
     ],
 )
 def test_what_cannot_be_searched_is_refused(file, tmp_path, change, words):
@@ -228,6 +261,10 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         ('errors = ["sleeps"]', "errors: there is no error sleeps; there are brakes, drifts, inattentive, disobeys"),
         ("error_share = 2.0", "error_share: must be from 0 to 1, is 2"),
         ("other = 3", "did you mean others?"),
+        ('driver = ["mood"]', "driver: drivers do not differ in mood"),
+        ("quantiles = [0.1, 1.0]", "quantiles: must be below 1, is 1"),
+        ('drivers = "homes"', "did you mean house?"),
+        ("occlusion = -0.5", "occlusion: must be from 0 to 1, is -0.5"),
         ("=", "not a TOML file"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,25 +44,24 @@ def search() -> None:
 @click.argument("paths", metavar="FILE|FOLDER|NAME...", nargs=-1, required=True)
 @click.option("--planner", metavar="PLANNER", required=True, help="The planner under test.")
 @click.option("--out", metavar="DIR", required=True, help="Folder of the search; the same one goes on where it was.")
-@click.option("--runs", metavar="N", type=click.IntRange(min=1), default=300, help="Number of runs (300).")
+@click.option("--runs", metavar="N", type=click.IntRange(min=1), help="Number of runs (300, or as --minutes allows).")
+@click.option("--minutes", metavar="N", type=float, default=math.inf, help="No run begins after this time.")
+@click.option("--stop-after", metavar="N", type=click.IntRange(min=1), help="End with this many failures.")
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Chooses what is driven (0).")
 @click.option("--agent", metavar="ID", type=int, help="Only this agent (all with another vehicle near).")
 @click.option("--traffic", metavar="PLANNER|recorded", default="idm", help="Who drives the other vehicles (idm).")
 @click.option("--predictor", metavar="PREDICTOR", default="lane_following", help="Predictor (lane_following).")
 @click.option("--space", metavar="TOML", help="File with bounds of what may change.")
 @click.option("--errors", type=click.Choice(("default", "none")), default="default", help="Errors of other vehicles.")
-def search_in(
-    paths: tuple[str, ...],
-    planner: str,
-    out: str,
-    runs: int,
-    seed: int,
-    agent: int | None,
-    traffic: str,
-    predictor: str,
-    space: str | None,
-    errors: str,
-) -> None:
+@click.option(
+    "--method",
+    type=click.Choice(("levels", "uniform")),
+    default="levels",
+    help="Drive what is near a failure more often, or all alike (levels).",
+)
+@click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (one per core).")
+@click.option("--ray", metavar="[ADDRESS]", is_flag=False, flag_value="auto", help="Use a Ray cluster (auto).")
+def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: int | None, **options: Any) -> None:  # noqa: ANN401 - of click
     """Search. Exit code 0, whether or not it finds something; Ctrl-C keeps what was found."""
     from dataclasses import replace  # noqa: PLC0415
 
@@ -71,31 +72,32 @@ def search_in(
     chosen = Space() if space is None else Space.read(Path(space))
     if errors == "none":
         chosen = replace(chosen, errors=())
+    out = Path(options["out"])
+    options["agent_id"] = options.pop("agent")
     with progress(quiet=False) as report:
+        report.say("driving what is recorded, undisturbed")
         try:
             found = searched(
                 paths,
-                planner,
-                runs=runs,
-                seed=seed,
-                out=out,
-                agent_id=agent,
-                traffic=traffic,
-                predictor=predictor,
+                options.pop("planner"),
                 space=chosen,
-                on_run=partial(_say_how_many, report.say, runs),
+                workers=workers or os.cpu_count() or 1,
+                on_run=partial(_say_how_many, report.say, options["runs"]),
+                **options,
             )
         except KeyboardInterrupt:
-            kept = f"interrupted; what was found is in {shown(Path(out))}, and the same command goes on"
+            kept = f"interrupted; what was found is in {shown(out)}, and the same command goes on"
             raise KeyboardInterrupt(kept) from None
-    _tell(found, Path(out))
+    _tell(found, out)
 
 
-def _say_how_many(say_so: Callable[[str], None], runs: int, done: int, failures: int) -> None:
-    say_so(f"{done} of {runs} runs, {failures} failures")
+def _say_how_many(say_so: Callable[[str], None], runs: int | None, done: int, failures: int) -> None:
+    say_so(f"{done}{'' if runs is None else f' of {runs}'} runs, {failures} failures")
 
 
 def _tell(found: Found, out: Path) -> None:
+    from interdrive.cli.report import output, print_table, table_of  # noqa: PLC0415 - rich
+
     for left_out in found.left_out:
         say(f"left out: {left_out}")
     for name in found.undisturbed:
@@ -104,12 +106,26 @@ def _tell(found: Found, out: Path) -> None:
         avoided = f"{one.witness} avoids it" if one.witness else "unproven: none of the tried drivers avoids it"
         say(f"{one.folder.name}: agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
         say(f"     {one.disturbance}")
+    head = ("runs", "driven", "fail", "kinds", "rate [%]", "95 %", "times uniform", "95 % of it")
+    table = table_of(head, right=head[1:])
+    for part in found.yields:
+        share, low, high = (100.0 * value for value in part.rate)
+        times = ("", "") if part.source == "uniform" else (f"{part.ratio[0]:.1f}", _range(part.ratio))
+        table.add_row(
+            *(part.source, str(part.runs), str(part.failures), str(part.signatures)),
+            *(f"{share:.2f}", f"{low:.2f} to {high:.2f}", *times),
+        )
+    print_table(output(), table, names=1)
     share, low, high = (100.0 * value for value in found.rate)
     say(
         f"{len(found.failures)} failures kept, {sum(bool(one.witness) for one in found.failures)} of them avoidable; "
         f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail: {share:.2f} % ({low:.2f} to {high:.2f})"
     )
     say(f"search in {shown(out.resolve())}")
+
+
+def _range(ratio: tuple[float, float, float]) -> str:
+    return f"{ratio[1]:.1f} to {ratio[2]:.1f}"
 
 
 @search.command()

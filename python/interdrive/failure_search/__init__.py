@@ -6,17 +6,23 @@ found.failures[0].words
 Definitions and limits: docs/how_to/search.md.
 """
 
+from interdrive.failure_search.allocation import METHODS, SOURCES
 from interdrive.failure_search.failures import Failure, Verdict, check_failure, failures, replay
-from interdrive.failure_search.search import EVALUATION_COLUMNS, Found, search
+from interdrive.failure_search.rates import Yield
+from interdrive.failure_search.search import Found, search
+from interdrive.failure_search.search_folder import EVALUATION_COLUMNS
 from interdrive.failure_search.spaces import ERRORS, Space
 
 __all__ = [
     "ERRORS",
     "EVALUATION_COLUMNS",
+    "METHODS",
+    "SOURCES",
     "Failure",
     "Found",
     "Space",
     "Verdict",
+    "Yield",
     "check_failure",
     "failures",
     "replay",

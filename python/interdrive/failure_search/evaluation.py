@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from interdrive.config.specs import spec_name
 from interdrive.errors import InputError
+from interdrive.failure_search.spaces import RECORDED
+from interdrive.panel import PANEL
 from interdrive.scenario.inspection import candidates
-from interdrive.scoring import score
-from interdrive.simulation import simulate
+from interdrive.scoring.seen import Seen
+from interdrive.scoring.settings import ScoringSettings
+from interdrive.simulation import Simulation
 
 if TYPE_CHECKING:
+    from interdrive.failure_search.spaces import Disturbance
     from interdrive.runs import Run
     from interdrive.scenario import Scenario
 
 #: What stands for failures that are no collision with a participant.
 _BROKEN = ("infeasible", "planner_error")
-#: Drivers that are tried in the place of an agent that failed, in this order.
-WITNESSES = ("cc", "lawful", "idm", "frenet,level=3,view.sensor_radius=150")
-#: Scales of the criticality of a drive without failure: time to contact straight on [s], impact speed [m/s].
-_TTC_SCALE, _IMPACT_SCALE = 3.0, 20.0
+#: Drivers that are tried in the place of an agent that failed, in this order: those that brake for what is ahead, the
+#: panel of scores, and a careful one.
+WITNESSES = tuple(
+    dict.fromkeys(("cc", "lawful", "idm", *PANEL, "velocity_adjusting", "frenet,level=3,view.sensor_radius=150"))
+)
+#: Scales of the criticality of a drive without failure: time to contact straight on [s], time between the use of the
+#: same ground [s], distance [m], impact speed [m/s].
+_TTC_SCALE, _GAP_SCALE, _DISTANCE_MAX, _IMPACT_SCALE = 3.0, 3.0, 10.0, 20.0
+#: What the gap in time and the distance count beside the time to contact, so that a drive far from any is not like all
+#: others [1, 1/m].
+_GAP_WEIGHT, _DISTANCE_WEIGHT = 0.1, 0.001
 
 
 @dataclass(frozen=True)
@@ -30,10 +44,11 @@ class Drive:
     Attributes:
         agents: Ids of the agents.
         agent_id: The agent under test.
-        planner: Its planner, without `sight`.
+        planner: Its planner, without `sight` and `occluded`.
         others: Planners of the other agents, by id.
         predictor: Predictor of all agents.
         sight: Radius within which the agent sees [m]; None: as its settings say.
+        occluded: The agent does not see through vehicles and buildings.
     """
 
     agents: tuple[int, ...]
@@ -42,6 +57,7 @@ class Drive:
     others: dict[int, str] = field(default_factory=dict)
     predictor: str = "lane_following"
     sight: float | None = None
+    occluded: bool = False
 
     def by(self, planner: str) -> Drive:
         """The same with another planner of the agent."""
@@ -53,19 +69,34 @@ class Drive:
         own = self.planner
         if self.sight is not None and "view.sensor_radius" not in own:
             own = f"{own},view.sensor_radius={self.sight!r}"
+        if self.occluded and "view.occlusion" not in own:
+            own = f"{own},view.occlusion=true"
         found: dict[int | str, Any] = {self.agent_id: own}
         found.update(self.others.items())
         return found
 
-    def run(self, scenario: Scenario | str) -> Run:
-        """Drives."""
-        return simulate(
+    def simulation(self, scenario: Scenario) -> Simulation:
+        """The run before its first time step."""
+        return Simulation(
             scenario,
             agents=list(self.agents),
             planner=self.planners,
             predictor=self.predictor,
             threads=1,
         )
+
+    def run(self, scenario: Scenario) -> Run:
+        """Drives until all agents have their outcomes."""
+        return self.simulation(scenario).run()
+
+    def judged(self, scenario: Scenario) -> Judged:
+        """Drives until the agent under test has its outcome, and judges it."""
+        simulation = self.simulation(scenario)
+        simulation.run_until_ended(self.agent_id)
+        run = simulation.record(explained=False)
+        ended = run.outcomes.outcome[run.outcomes.agent_id.tolist().index(self.agent_id)]
+        # Only blame needs to know which rules were broken.
+        return judged(simulation.record() if ended in ("collision", *_BROKEN) else run, self.agent_id)
 
 
 @dataclass(frozen=True)
@@ -76,9 +107,9 @@ class Judged:
         outcome: One of `interdrive.run.OUTCOMES`.
         failure: Kind of its failure: of its fault, "off_road", "infeasible" or "planner_error"; "" without one.
         partner_id: With whom it collided; -1: with no participant.
-        criticality: Below 0: it failed, the lower the faster; otherwise from 0 (near) to 1.
+        criticality: Below 0: it failed, the lower the faster; otherwise 0 (near) or more.
         words: What happened.
-        digest: Of the run.
+        digest: Of the states of the run.
     """
 
     outcome: str
@@ -90,44 +121,83 @@ class Judged:
 
 
 def judged(run: Run, agent_id: int) -> Judged:
-    """Judges an agent of a run."""
+    """Judges an agent of a run, which may have been driven no further than to its outcome."""
     ended = run.outcomes
     row = ended.agent_id.tolist().index(agent_id)
     outcome, partner = ended.outcome[row], int(ended.partner_id[row])
-    found = score(run, [agent_id])
-    failure, words = "", found.why(agent_id)
+    failure, words, impact = "", ended.reason[row], 0.0
+    seen = Seen.of(run, [agent_id], ScoringSettings())
     if outcome in _BROKEN:
         failure = outcome
-    elif outcome == "collision":
-        failure = found.fault_kind[0] or ("off_road" if ended.off_road[row] else "")
-    if failure:
-        impact = float(ended.impact_speed[row]) if failure in found.fault_kind else 0.0
-        critical = -1.0 - (impact / _IMPACT_SCALE if impact > 0.0 else 0.0)
-    else:
-        critical = min(float(found.terms["straight_ttc_min"][0]) / _TTC_SCALE, 1.0)
-        critical = critical if critical >= 0.0 else 1.0  # nan: it never drove
+    elif outcome == "collision" and ended.off_road[row]:
+        failure = "off_road"
+    elif outcome == "collision" and (verdict := seen.verdicts.get(agent_id)) is not None:
+        failure, words = verdict.kind, f"{'at fault: ' if verdict.kind else ''}{verdict.words}"
+        impact = float(ended.impact_speed[row]) if failure else 0.0
+    critical = -1.0 - max(impact, 0.0) / _IMPACT_SCALE if failure else _nearness(run, agent_id, seen)
     return Judged(outcome, failure, partner, critical, words, run.digest)
 
 
+def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
+    """How near an agent came to others: 0 at a contact straight on, and a number above 1 far from everybody."""
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, agent_id))
+    times = seen.times[agent_id][0][np.flatnonzero(states.valid[row])[1:]]
+    straight = min(float(np.nanmin(times, initial=math.inf)) / _TTC_SCALE, 1.0)
+    gap, distance = math.inf, math.inf
+    own = np.flatnonzero(states.valid[row])
+    for other in np.flatnonzero(states.valid.any(axis=1)).tolist():
+        if other == row or not len(own):
+            continue
+        there = np.flatnonzero(states.valid[other])
+        apart = np.hypot(
+            states.x[row, own][:, None] - states.x[other, there],
+            states.y[row, own][:, None] - states.y[other, there],
+        )
+        elapsed = np.abs(own[:, None] - there[None, :]) * run.scenario.dt
+        width = 0.5 * float(states.width[row] + states.width[other])
+        gap = min(gap, float(elapsed[apart <= width].min(initial=math.inf)))
+        length = 0.5 * float(states.length[row] + states.length[other])
+        distance = min(distance, float(apart[elapsed < 0.5 * run.scenario.dt].min(initial=math.inf)) - length)
+    near = min(max(distance, 0.0), _DISTANCE_MAX)
+    return straight + _GAP_WEIGHT * min(gap / _GAP_SCALE, 1.0) + _DISTANCE_WEIGHT * near
+
+
 def drive_of(scenario: Scenario, agent_id: int, planner: str, traffic: str, predictor: str) -> Drive:
-    """The drive of an agent among others that a planner drives, or that replay their recordings ("recorded")."""
-    if traffic == "recorded":
+    """The drive of an agent among others that a planner drives, or that replay their recordings (`RECORDED`)."""
+    if traffic == RECORDED:
         return Drive((agent_id,), agent_id, planner, {}, predictor)
     able = candidates(scenario)
     others = [number for number in able.ids[able.accepted].tolist() if number != agent_id]
     return Drive((agent_id, *others), agent_id, planner, dict.fromkeys(others, traffic), predictor)
 
 
-def witness(scenario: Scenario | str, drive: Drive) -> tuple[str, Run | None]:
+def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
+    """The same drive with what is disturbed of the others' planners and of the agent's sight."""
+    others = {
+        number: ",".join([name, *(f"{key}={value!r}" for key, value in change.drivers.get(number, {}).items())])
+        for number, name in drive.others.items()
+    }
+    found = replace(drive, others=others, sight=change.sight, occluded=change.occluded)
+    error = change.error
+    if error is None or error.who not in others:
+        return found
+    if error.kind == "disobeys":
+        return replace(found, others={**others, error.who: f"{others[error.who]},rules.enabled=false"})
+    left = {number: name for number, name in others.items() if number != error.who}
+    return replace(found, agents=tuple(number for number in drive.agents if number != error.who), others=left)
+
+
+def witness(scenario: Scenario, drive: Drive) -> tuple[str, Run | None]:
     """The first of `WITNESSES` that ends without a collision and without failure in the agent's place, and its run."""
     for planner in WITNESSES:
+        other = drive.by(planner)
         try:
-            run = drive.by(planner).run(scenario)
+            found = other.judged(scenario)
         except InputError:
             continue
-        found = judged(run, drive.agent_id)
         if not found.failure and found.outcome != "collision":
-            return planner, run
+            return planner, other.run(scenario)
     return "", None
 
 

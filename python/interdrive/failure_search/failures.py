@@ -120,6 +120,7 @@ def read_failure(folder: str | Path) -> Failure:
             others,
             str(drive["predictor"]),
             None if drive["sight"] is None else float(drive["sight"]),
+            bool(drive.get("occluded", False)),
         )
     except FileNotFoundError:
         raise ResultsError(f"{folder}: not the folder of a failure: there is no {_FILE}") from None

@@ -1,61 +1,35 @@
-"""The search: which worlds are driven, in which order, and what is kept of it."""
+"""The search: runs are allocated, driven by one or several processes, and judged in their order; failures are kept."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+import multiprocessing
+import time
+from collections import Counter, deque
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Protocol
 
 from interdrive import _core
-from interdrive.errors import InputError, ResultsError
-from interdrive.failure_search.disturbed_worlds import disturbed, implausible
-from interdrive.failure_search.evaluation import Drive, Judged, drive_of, judged, require_text, witness
+from interdrive.batches.pool import End, Pool, Task
+from interdrive.errors import InputError, InterdriveError
+from interdrive.failure_search.allocation import CLOSED_AFTER, METHODS, Allocation
+from interdrive.failure_search.disturbed_worlds import disturbed
+from interdrive.failure_search.evaluation import judged, require_text, witness
 from interdrive.failure_search.failures import Failure, begin, failures, finish, give_up
-from interdrive.failure_search.shrinking import shrunk
-from interdrive.failure_search.spaces import Disturbance, Pair, Space, disturbance, pairs, undisturbed
-from interdrive.files import read_scenario, scenario_file
-from interdrive.files.roads import road_elements
-from interdrive.run import OUTCOMES
-from interdrive.storage import Column, Origin, arrow_table, replacing, write_table
-from interdrive.storage.reading import read_json
-from interdrive.storage.writing import json_text
+from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
+from interdrive.failure_search.rates import Yield, yields
+from interdrive.failure_search.search_folder import SearchFolder
+from interdrive.failure_search.spaces import CHOICES, Space
+from interdrive.failure_search.trials import Driven, Drivers, Setup, Trial, change_at, drive, drive_at, signature
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from interdrive.array_types import Floats
-    from interdrive.scenario import Scenario
-
-#: Runs whose points are chosen before any of them is driven.
-ROUND = 32
-#: Of the rounds behind the first one, every other run is a neighbour of a critical one: of this share of all of them.
-_CRITICAL_SHARE, _STEP = 0.1, 0.15
-#: Draws of a point until the search takes the pair for one without a plausible world.
-_DRAWS = 50
-_CLOSED_AFTER = 3
-_SAME_IDS = "vehicles have the ids of parts of the road, so a file of a failure would name them otherwise"
-_FILE, _LOG, _TABLE = "search.json", "evaluations.jsonl", "evaluations.parquet"
-
-#: Columns of evaluations.parquet.
-EVALUATION_COLUMNS = (
-    Column("index", "integer", "number of the run"),
-    Column("scenario", "label", "name of the scenario file"),
-    Column("agent_id", "integer", "the agent under test"),
-    Column("uniform", "truth", "drawn uniformly over all pairs and points, so it counts for the rate"),
-    Column("draws", "integer", "points that were drawn until one was plausible"),
-    Column("point", "text", "coordinates from 0 to 1, as JSON"),
-    Column("outcome", "label", "one of interdrive.run.OUTCOMES", labels=OUTCOMES, null="no draw was plausible"),
-    Column("failure", "label", "kind of the failure; empty: none"),
-    Column("partner_id", "integer", "with whom it collided", null="no collision with a participant"),
-    Column("criticality", "number", "below 0: a failure; from 0 (near) to 1", "1", null="no draw was plausible"),
-    Column("signature", "label", "scenario, agent, kind and partner of a failure; empty: none"),
-    Column("folder", "label", "folder of the failure; empty: none"),
-    Column("digest", "text", "SHA-256 of all states"),
-)
+    from interdrive.failure_search.allocation import Method, Proposal
+    from interdrive.failure_search.spaces import Pair
 
 
 @dataclass(frozen=True)
@@ -64,12 +38,13 @@ class Found:
 
     Attributes:
         failures: Failures, in the order in which they were found.
-        runs: Runs that were driven.
-        uniform_runs: Of these, drawn uniformly.
+        runs: Runs of the search.
+        uniform_runs: Of these, drawn uniformly, and driven.
         uniform_failures: Failures among them.
         rate: Share of uniform runs that fail, with its 95 % interval (Clopper and Pearson).
+        yields: What the runs brought by where their points come from, beside the uniform ones.
         undisturbed: Agents that fail without any disturbance, as "scenario agent".
-        left_out: Files that were left out, each with the reason.
+        left_out: Files and agents that were left out, each with the reason.
     """
 
     failures: tuple[Failure, ...]
@@ -77,6 +52,7 @@ class Found:
     uniform_runs: int
     uniform_failures: int
     rate: tuple[float, float, float]
+    yields: tuple[Yield, ...]
     undisturbed: tuple[str, ...]
     left_out: tuple[str, ...]
 
@@ -85,343 +61,337 @@ def search(
     paths: str | Path | Sequence[str | Path],
     planner: str,
     *,
-    runs: int = 300,
+    runs: int | None = None,
+    minutes: float = math.inf,
+    stop_after: int | None = None,
     seed: int = 0,
     out: str | Path,
     agent_id: int | None = None,
     traffic: str = "idm",
     predictor: str = "lane_following",
     space: Space | None = None,
+    method: Method = "levels",
+    workers: int = 1,
+    ray: str | None = None,
     on_run: Callable[[int, int], None] | None = None,
 ) -> Found:
     """Searches disturbances of recordings under which a planner fails by its own fault.
 
-    Results depend on the arguments alone. An interrupted search goes on where it was when it is called with the same
-    ones; what it found until then is in the folder.
+    Results depend on the arguments that say what is searched alone, not on workers or interruptions. An interrupted
+    search goes on where it was when it is called with the same ones; what it found until then is in the folder.
 
     Args:
         paths: CommonRoad files, folders of them, or names of shipped scenarios.
         planner: The planner under test, as on the command line.
-        runs: Number of runs.
+        runs: Number of runs, with those that the folder has; None: 300, or as many as `minutes` allow.
+        minutes: No run begins after this time [min].
+        stop_after: Ends with this many failures.
         seed: Chooses the points.
         out: Folder of the search.
         agent_id: Only this agent.
         traffic: Planner of all other vehicles, or "recorded".
         predictor: Predictor of all agents.
         space: What may change; the defaults otherwise.
+        method: "levels" drives pairs and points near those that came near to a failure, "uniform" draws all alike.
+        workers: Processes that drive. With more than one, scripts need `if __name__ == "__main__":`.
+        ray: Address of a Ray cluster that drives instead ("auto": the cluster of this machine), whose nodes see the
+            files under the same paths.
         on_run: Called with the number of runs and of failures until now.
 
     Raises:
-        InputError: No agent has a vehicle near, the planner is an object, or the folder holds another search.
+        InputError: An argument cannot be used, no agent has a vehicle near, or the folder holds another search.
         ResultsError: The folder is damaged or cannot be written.
+        MissingExtraError: Ray is not installed.
     """
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        raise SystemExit(1)  # a worker reads a script that calls this without a guard; the pool says so
     text = require_text(planner)
-    chosen = space or Space()
-    files = _files(given)
-    read = [read_scenario(path) for path in files]
-    scenarios = [scenario for scenario in read if _can_be_kept(scenario)]
-    left_out = tuple(f"{scenario.name}: {_SAME_IDS}" for scenario in read if not _can_be_kept(scenario))
-    if not scenarios:
-        raise InputError(f"nothing to search: {left_out[0]}")
-    found = [pair for scenario in scenarios for pair in pairs(scenario, chosen.others)]
-    found = [pair for pair in found if agent_id is None or pair.agent_id == agent_id]
-    if not found:
-        raise InputError(_no_pair(scenarios, agent_id))
-    if runs < 1:
-        raise InputError(f"runs: must be positive, is {runs}")
+    limits = _Limits.of(runs, minutes, stop_after)
+    if method not in METHODS:
+        raise InputError(f"method: must be one of {', '.join(METHODS)}, not {method!r}")
+    if workers < 1:
+        raise InputError(f"workers: must be positive, is {workers}")
+    chosen = (space or Space()).with_traffic(traffic)
+    found, files, left_out = pairs_of(paths_of(paths), chosen.others, agent_id)
+    setup = Setup(Drivers(text, traffic, predictor), chosen, seed)
     what = {
-        "files": [[scenario.name, scenario.sha256] for scenario in scenarios],
+        "files": files,
         "planner": text,
         "agent_id": agent_id,
         "seed": seed,
         "traffic": traffic,
         "predictor": predictor,
+        "method": method,
         "space": json.loads(json.dumps(asdict(chosen))),
+        "coordinates": list(chosen.coordinates),
         "version": _core.__version__,
     }
-    work = _Search(Path(out), found, chosen, (text, traffic, predictor), seed, what)
-    work.run(runs, on_run)
-    return replace(work.found(), left_out=left_out)
+    with closing(_backend(workers, ray)) as backend:
+        work = _Search(SearchFolder(Path(out), what), found, setup, method, backend)
+        work.run(limits, on_run)
+    return work.found(left_out)
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """When a search ends."""
+
+    runs: float
+    deadline: float
+    failures: float
+
+    @classmethod
+    def of(cls, runs: int | None, minutes: float, stop_after: int | None) -> _Limits:
+        for name, value in (("runs", runs), ("minutes", minutes), ("stop_after", stop_after)):
+            if value is not None and not value > 0:
+                raise InputError(f"{name}: must be positive, is {value}")
+        usual = 300 if math.isinf(minutes) else math.inf
+        return cls(usual if runs is None else runs, time.monotonic() + 60.0 * minutes, stop_after or math.inf)
+
+
+class Backend(Protocol):
+    """Processes that do tasks; as in batches."""
+
+    def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
+        """Does tasks until there are none and yields how they ended."""
+
+    def close(self) -> None:
+        """Ends what is still being done."""
+
+
+class _Here:
+    """This process."""
+
+    def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
+        """Does tasks one after another."""
+        while (task := take("")) is not None:
+            yield End(task, function(task.payload, 1))
+
+    def close(self) -> None:
+        """Nothing is left."""
+
+
+def _backend(workers: int, ray: str | None) -> Backend:
+    if ray is not None:
+        from interdrive.batches.ray import Cluster  # noqa: PLC0415 - optional
+
+        return Cluster(ray, None)
+    return Pool(workers) if workers > 1 else _Here()
 
 
 class _Search:
     """A search under way."""
 
     def __init__(
-        self,
-        folder: Path,
-        found: Sequence[Pair],
-        space: Space,
-        drivers: tuple[str, str, str],
-        seed: int,
-        what: dict[str, Any],
+        self, folder: SearchFolder, pairs: Sequence[Pair], setup: Setup, method: Method, backend: Backend
     ) -> None:
-        self.folder, self.pairs, self.space, self.seed = folder, list(found), space, seed
-        self.drivers = drivers
-        self.neutral = undisturbed(space)
-        stored = self._opened(what)
-        self.rows = self._logged()
-        self.bare: list[str] = self._undisturbed_failures() if stored is None else stored
-        (self.folder / _FILE).write_text(
-            json_text({**what, "undisturbed": self.bare}, indent=2) + "\n", encoding="utf-8"
-        )
+        self.folder, self.setup, self.backend = folder, setup, backend
+        if folder.undisturbed is None:
+            folder.describe(self._undisturbed(pairs))
+        self._ended = folder.undisturbed or []
+        self.pairs = [pair for pair, (*_, how) in zip(pairs, self._ended, strict=True) if how[:1] != _UNFIT]
+        choices = tuple(name in CHOICES for name in setup.space.coordinates)
+        self._allocation = Allocation(len(self.pairs), choices, setup.seed, method)
+        self._attempts: Counter[str] = Counter()
+        self._digests: set[str] = set()
+        for row in folder.rows:
+            self.is_to_be_kept(row)
 
-    def _opened(self, what: dict[str, Any]) -> list[str] | None:
-        """Agents that fail undisturbed, if the folder holds the same search; None if it holds none yet."""
-        path = self.folder / _FILE
-        if not path.exists():
-            if self.folder.exists() and any(self.folder.iterdir()):
-                raise InputError(f"{self.folder}: is no search, and not empty")
-            self.folder.mkdir(parents=True, exist_ok=True)
-            return None
+    def _undisturbed(self, pairs: Sequence[Pair]) -> list[tuple[str, int, str]]:
+        """Scenario and id of every agent with the kind of its failure in the recording as it is; "" without one.
+
+        Raises:
+            InputError: The planner, the traffic or the predictor cannot be used, or no agent has a route.
+        """
+        trials = iter([(place, Trial(self.setup, pair)) for place, pair in enumerate(pairs)])
+        found: dict[int, Driven | InterdriveError] = {}
+        for end in self.backend.run(drive, lambda _: _task(next(trials, None))):
+            found[end.task.payload[0]] = _value(end, pairs[end.task.payload[0]])
+        refused = [one for one in found.values() if isinstance(one, InterdriveError)]
+        if len(refused) == len(found):
+            raise refused[0]
+        ended = []
+        for place, pair in enumerate(pairs):
+            one = found[place]
+            how = f"{_UNFIT}{one}" if isinstance(one, InterdriveError) else one.judged.failure if one.judged else ""
+            ended.append((pair.scenario, pair.agent_id, how))
+        return ended
+
+    def run(self, limits: _Limits, on_run: Callable[[int, int], None] | None) -> None:
+        """Drives until a limit is reached; each run is in the log when a later one is added."""
+        rows = self.folder.rows
+        n_kept = sum(bool(row["folder"]) for row in rows)
         try:
-            stored = read_json(path)
-            bare = [str(name) for name in stored["undisturbed"]]
-        except (OSError, ValueError, KeyError, TypeError) as cause:
-            raise ResultsError(f"{path}: damaged ({cause!r})") from None
-        other = [name for name in what if stored.get(name) != what[name]]
-        if other:
-            raise InputError(f"{self.folder}: holds another search ({', '.join(other)} differ); choose another --out")
-        return bare
-
-    def _logged(self) -> list[dict[str, Any]]:
-        """The runs of the log, without what a killed process left of a line."""
-        log = self.folder / _LOG
-        if not log.exists():
-            return []
-        whole = [line for line in log.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
-        try:
-            rows: list[dict[str, Any]] = [json.loads(line) for line in whole]
-            in_order = [row["index"] for row in rows] == list(range(len(rows)))
-        except (ValueError, KeyError, TypeError) as cause:
-            raise ResultsError(f"{log}: damaged ({cause!r})") from None
-        if not in_order:
-            raise ResultsError(f"{log}: damaged (runs are missing)")
-        with replacing(log) as part:
-            part.write_text("".join(whole), encoding="utf-8")
-        return rows
-
-    def _undisturbed_failures(self) -> list[str]:
-        """Agents that fail in the recording as it is."""
-        failing = []
-        for pair in self.pairs:
-            found = self._driven(pair, self.neutral)
-            if found is not None and found[1].failure:
-                failing.append(f"{pair.scenario.name} {pair.agent_id}")
-        return failing
-
-    def run(self, runs: int, on_run: Callable[[int, int], None] | None) -> None:
-        """Drives until so many runs are done; each is in the log when the next one begins."""
-        with (self.folder / _LOG).open("a", encoding="utf-8") as log:
-            try:
-                for row in self._missing(runs):
-                    self.rows.append(row)
-                    log.write(json_text(row) + "\n")
-                    log.flush()
+            while len(rows) < limits.runs and n_kept < limits.failures and time.monotonic() < limits.deadline:
+                proposals = self._allocation.proposals(len(rows), rows)
+                wanted = int(min(len(proposals), limits.runs - len(rows)))
+                for row in _Round(self, proposals[:wanted], limits.deadline).rows():
+                    self.folder.add(row)
+                    n_kept += bool(row["folder"])
                     if on_run is not None:
-                        on_run(len(self.rows), sum(bool(one["folder"]) for one in self.rows))
-            finally:
-                self._write_table()
+                        on_run(len(rows), n_kept)
+                    if n_kept >= limits.failures:
+                        return
+        finally:
+            self.folder.write_table()
 
-    def _missing(self, runs: int) -> Iterator[dict[str, Any]]:
-        index = len(self.rows)
-        while index < runs:
-            # A round rests on whole rounds before it, wherever the search was interrupted.
-            first = index - index % ROUND
-            critical = self._critical(first)
-            for number in range(index, min(first + ROUND, runs)):
-                yield self._evaluated(number, critical)
-            index = min(first + ROUND, runs)
-
-    def _critical(self, first: int) -> list[tuple[int, Floats]]:
-        """Pairs and points of the most critical runs before a round."""
-        known = [row for row in self.rows[:first] if row["criticality"] is not None]
-        known.sort(key=lambda row: (row["criticality"], row["index"]))
-        chosen = known[: math.ceil(_CRITICAL_SHARE * len(known))]
-        return [(row["pair"], np.array(row["point"])) for row in chosen]
-
-    def _evaluated(self, index: int, critical: Sequence[tuple[int, Floats]]) -> dict[str, Any]:
-        """The row of a run."""
-        random = np.random.default_rng([self.seed, index])
-        is_uniform = index % 2 == 0 or not critical
-        place = 0
-        draws, found = 0, None
-        while found is None and draws < _DRAWS:
-            draws += 1
-            if is_uniform:
-                place, point = int(random.integers(len(self.pairs))), random.random(self.space.size)
-            else:
-                place, parent = critical[int(random.integers(len(critical)))]
-                point = _neighbour(parent, random)
-            found = self._driven(self.pairs[place], point)
-        pair = self.pairs[place]
+    def row(self, proposal: Proposal, driven: Driven) -> dict[str, Any]:
+        """The row of a run, not yet kept."""
+        pair, found = self.pairs[proposal.pair], driven.judged
         row: dict[str, Any] = {
-            "index": index,
-            "pair": place,
-            "scenario": pair.scenario.name,
+            "index": proposal.index,
+            "pair": proposal.pair,
+            "scenario": pair.scenario,
             "agent_id": pair.agent_id,
-            "uniform": is_uniform,
-            "draws": draws,
-            "point": point.tolist(),
+            "source": proposal.source,
+            "uniform": proposal.source == "uniform",
+            "draws": driven.draws,
+            "point": list(driven.point),
+            "disturbance": change_at(self.setup, pair, driven.point).words(),
             **dict.fromkeys(("outcome", "criticality")),
-            **dict.fromkeys(("failure", "signature", "folder", "digest"), ""),
+            **dict.fromkeys(("failure", "signature", "folder", "witness", "digest"), ""),
             "partner_id": -1,
         }
         if found is None:
             return row
-        verdict = found[1]
-        row |= {
-            "outcome": verdict.outcome,
-            "criticality": verdict.criticality,
-            "failure": verdict.failure,
-            "partner_id": verdict.partner_id,
-            "digest": verdict.digest,
+        return row | {
+            "outcome": found.outcome,
+            "criticality": found.criticality,
+            "failure": found.failure,
+            "partner_id": found.partner_id,
+            "digest": found.digest,
+            "signature": signature(pair, found),
         }
-        if verdict.failure:
-            row["signature"] = self._signature(pair, verdict)
-            row["folder"] = self._kept(pair, point, row["signature"])
-        return row
 
-    def _driven(self, pair: Pair, point: Floats) -> tuple[Scenario, Judged] | None:
-        """The world of a point and what happens in it; None if it is not plausible."""
-        change = disturbance(self.space, pair, point)
-        scenario = disturbed(pair.scenario, change)
-        if implausible(pair.scenario, scenario, _moved(change)):
-            return None
-        try:
-            drive = self._drive(scenario, pair, change)
-            return scenario, judged(drive.run(scenario), pair.agent_id)
-        except InputError:  # a vehicle has no route any more
-            return None
+    def is_to_be_kept(self, row: Mapping[str, Any]) -> bool:
+        """Whether a failure is new: few of its signature came before it, and none that is equal. Rows come in order."""
+        name = row["signature"]
+        if not name or self._attempts[name] >= CLOSED_AFTER or row["digest"] in self._digests:
+            return False
+        self._attempts[name] += 1
+        self._digests.add(row["digest"])
+        return True
 
-    def _drive(self, scenario: Scenario, pair: Pair, change: Disturbance) -> Drive:
-        planner, traffic, predictor = self.drivers
-        drive = replace(drive_of(scenario, pair.agent_id, planner, traffic, predictor), sight=change.sight)
-        error = change.error
-        if error is None or error.who not in drive.others:
-            return drive
-        if error.kind == "disobeys":
-            return replace(drive, others={**drive.others, error.who: f"{traffic},rules.enabled=false"})
-        others = {number: name for number, name in drive.others.items() if number != error.who}
-        return replace(drive, agents=tuple(number for number in drive.agents if number != error.who), others=others)
+    def kept(self, row: dict[str, Any], small: Sequence[float]) -> dict[str, Any]:
+        """Stores a failure under its smallest disturbance.
 
-    @staticmethod
-    def _signature(pair: Pair, verdict: Judged) -> str:
-        return f"{pair.scenario.name} {pair.agent_id} {verdict.failure} {verdict.partner_id}"
-
-    def _kept(self, pair: Pair, point: Floats, signature: str) -> str:
-        """Stores a failure, shrunk; "" if there are enough like it, or if the file of its world does not fail."""
-        if sum(bool(row["folder"]) and row["signature"] == signature for row in self.rows) >= _CLOSED_AFTER:
-            return ""
-
-        def still_fails(other: Floats) -> bool:
-            found = self._driven(pair, other)
-            return found is not None and self._signature(pair, found[1]) == signature
-
-        small = shrunk(point, self.neutral, still_fails)
-        change = disturbance(self.space, pair, small)
-        name = f"{1 + sum(bool(row['folder']) for row in self.rows):03d}"
-        folder = self.folder / "failures" / name
-        scenario = begin(folder, disturbed(pair.scenario, change))
-        drive = self._drive(scenario, pair, change)
-        run = drive.run(scenario)
+        The row stays as it is if the file of that world does not fail, or if the same run is kept already.
+        """
+        pair = self.pairs[row["pair"]]
+        change = change_at(self.setup, pair, small)
+        name = f"{1 + sum(bool(one['folder']) for one in self.folder.rows):03d}"
+        folder = self.folder.path / "failures" / name
+        scenario = begin(folder, disturbed(scenario_at(pair.path), change))
+        driven = drive_at(self.setup, pair, change, scenario)
+        run = driven.run(scenario)
         verdict = judged(run, pair.agent_id)
-        if not verdict.failure:
+        if not verdict.failure or any(one.digest == verdict.digest for one in failures(self.folder.path)):
             give_up(folder)
-            return ""
-        avoided_by, avoided = witness(scenario, drive)
-        finish(
-            Failure(
-                folder,
-                drive,
-                verdict.failure,
-                verdict.words,
-                change.words(),
-                avoided_by,
-                verdict.digest,
-                signature,
-                _core.__version__,
-            ),
-            run,
-            avoided,
+            return row
+        avoided_by, avoided = witness(scenario, driven)
+        failure = Failure(
+            folder,
+            driven,
+            verdict.failure,
+            verdict.words,
+            change.words(),
+            avoided_by,
+            verdict.digest,
+            row["signature"],
+            _core.__version__,
         )
-        return name
+        finish(failure, run, avoided)
+        return row | {"folder": name, "witness": avoided_by}
 
-    def _write_table(self) -> None:
-        values: dict[str, list[Any]] = {
-            column.name: [row[column.name] for row in self.rows] for column in EVALUATION_COLUMNS
-        }
-        values["point"] = [json.dumps(point) for point in values["point"]]
-        values["partner_id"] = [None if number < 0 else number for number in values["partner_id"]]
-        with replacing(self.folder / _TABLE) as part:
-            write_table(arrow_table(EVALUATION_COLUMNS, values), part, Origin({"planner": self.drivers[0]}))
-
-    def found(self) -> Found:
+    def found(self, left_out: Sequence[str]) -> Found:
         """What is found until now."""
-        uniform = [row for row in self.rows if row["uniform"] and row["outcome"] is not None]
-        failed = sum(bool(row["failure"]) for row in uniform)
-        kept = tuple(failures(self.folder))
-        rate = _interval(failed, len(uniform))
-        return Found(kept, len(self.rows), len(uniform), failed, rate, tuple(self.bare), ())
+        by_source = yields(self.folder.rows)
+        ended = [(f"{scenario} {agent}", how) for scenario, agent, how in self._ended if how]
+        return Found(
+            tuple(failures(self.folder.path)),
+            len(self.folder.rows),
+            by_source[0].runs,
+            by_source[0].failures,
+            by_source[0].rate,
+            by_source,
+            tuple(name for name, how in ended if how[:1] != _UNFIT),
+            (*left_out, *(f"{name}: {how[1:]}" for name, how in ended if how[:1] == _UNFIT)),
+        )
 
 
-def _moved(change: Disturbance) -> set[int]:
-    return {who for who, time in change.times.items() if time != 0.0 or change.speeds[who] != 1.0}
+#: Before the reason why an agent cannot be driven at all.
+_UNFIT = "!"
 
 
-def _neighbour(parent: Floats, random: np.random.Generator) -> Floats:
-    """A point near another one: every other coordinate moves, reflected at the bounds."""
-    step = _STEP * random.standard_normal(len(parent)) * (random.random(len(parent)) < 0.5)
-    moved = np.abs(parent + step)
-    point: Floats = np.clip(np.where(moved > 1.0, 2.0 - moved, moved), 0.0, 1.0)
-    return point
+class _Round:
+    """Runs whose points are chosen: which are driven next, and which failures are made small."""
+
+    def __init__(self, search: _Search, proposals: Sequence[Proposal], deadline: float) -> None:
+        self._search, self._proposals, self._deadline = search, proposals, deadline
+        self._given = self._decided = 0
+        self._rows: dict[int, dict[str, Any]] = {}  # by place in the round
+        self._to_shrink: deque[int] = deque()
+        self._small: dict[int, tuple[float, ...] | None] = {}  # None: nothing to keep
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """The rows of the runs, in order, as they become known."""
+        told = 0
+        while self._to_shrink or self._has_more:
+            for end in self._search.backend.run(drive, self._take):
+                self._note(end)
+                while told in self._small:
+                    row, small = self._rows[told], self._small[told]
+                    yield row if small is None else self._search.kept(row, small)
+                    told += 1
+
+    @property
+    def _has_more(self) -> bool:
+        return self._given < len(self._proposals) and time.monotonic() < self._deadline
+
+    def _take(self, _group: str) -> Task[tuple[int, Trial]] | None:
+        """The next task: failures are made small before others are looked for."""
+        setup, pairs = self._search.setup, self._search.pairs
+        if self._to_shrink:
+            place = self._to_shrink.popleft()
+            row = self._rows[place]
+            trial = Trial(setup, pairs[row["pair"]], None, tuple(row["point"]), row["signature"])
+            return _task((place, trial))
+        if not self._has_more:
+            return None
+        place = self._given
+        self._given += 1
+        proposal = self._proposals[place]
+        return _task((place, Trial(setup, pairs[proposal.pair], proposal)))
+
+    def _note(self, end: End[tuple[int, Trial]]) -> None:
+        """Notes how a task ended, and which failures are new."""
+        place, trial = end.task.payload
+        value = _value(end, trial.pair)
+        if isinstance(value, InterdriveError):
+            raise value
+        if trial.failing is not None:
+            self._small[place] = value.point
+            return
+        self._rows[place] = self._search.row(self._proposals[place], value)
+        while self._decided in self._rows:
+            if self._search.is_to_be_kept(self._rows[self._decided]):
+                self._to_shrink.append(self._decided)
+            else:
+                self._small[self._decided] = None
+            self._decided += 1
 
 
-def _can_be_kept(scenario: Scenario) -> bool:
-    """Whether a file of it has the same ids, by which a failure names its agents."""
-    _, _, roads = road_elements(scenario)
-    return set(roads).isdisjoint(scenario.obstacles.ids.tolist())
+def _task(payload: tuple[int, Trial] | None) -> Task[tuple[int, Trial]] | None:
+    return None if payload is None else Task(payload, payload[1].pair.path)
 
 
-def _files(given: Sequence[str | Path]) -> list[Path]:
-    found: list[Path] = []
-    for item in given:
-        path = Path(item)
-        if path.is_dir():
-            inside = sorted(path.rglob("*.xml"))
-            if not inside:
-                raise InputError(f"{item}: there are no CommonRoad files")
-            found += inside
-        else:
-            found.append(scenario_file(item))
-    return found
+def _value(end: End[Any], pair: Pair) -> Driven | InterdriveError:
+    """What a task returned.
 
-
-def _no_pair(scenarios: Sequence[Scenario], agent_id: int | None) -> str:
-    names = ", ".join(scenario.name for scenario in scenarios[:3]) + (", ..." if len(scenarios) > 3 else "")
-    if agent_id is not None:
-        return f"agent {agent_id}: no vehicle of {names} that can be an agent with another one within 30 m"
-    return f"{names}: no vehicle that can be an agent has another one within 30 m"
-
-
-def _interval(failed: int, runs: int) -> tuple[float, float, float]:
-    """Share of failures, and its 95 % interval."""
-    if not runs:
-        return math.nan, 0.0, 1.0
-
-    def at_most(k: int, p: float) -> float:
-        terms = [math.lgamma(runs + 1) - math.lgamma(i + 1) - math.lgamma(runs - i + 1) for i in range(k + 1)]
-        logs = [term + i * math.log(p) + (runs - i) * math.log1p(-p) for i, term in enumerate(terms)]
-        return math.fsum(map(math.exp, logs))
-
-    def solved(is_below: Callable[[float], bool]) -> float:
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if is_below(middle) else (low, middle)
-        return low
-
-    low = 0.0 if failed == 0 else solved(lambda p: 1.0 - at_most(failed - 1, p) < 0.025)
-    high = 1.0 if failed == runs else solved(lambda p: at_most(failed, p) > 0.025)
-    return failed / runs, low, high
+    Raises:
+        InterdriveError: Its process was lost.
+    """
+    if end.lost:
+        raise InterdriveError(f"{pair.scenario}, agent {pair.agent_id}: a run is lost: {end.why}")
+    value: Driven | InterdriveError = end.value
+    return value

@@ -1,23 +1,25 @@
-"""What a search may change: starts and speeds of vehicles near an agent, an error of one of them, the agent's sight."""
+"""What a search may change: starts, speeds and drivers near an agent, an error of one of them, the agent's sight."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from interdrive.config.binding import bind, dotted
+from interdrive.config.drivers import PARAMETERS, SETTINGS, TEMPERAMENT, read_drivers
 from interdrive.errors import InputError
 from interdrive.files import content_of_input
-from interdrive.scenario.inspection import candidates
 from interdrive.storage.reading import decoded, parsed_toml
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from interdrive.array_types import Floats
-    from interdrive.scenario import Scenario
 
 #: Errors of one other vehicle, each with one line of explanation.
 ERRORS = {
@@ -26,9 +28,17 @@ ERRORS = {
     "inattentive": "it replays its recording and does not react",
     "disobeys": "it keeps no rules of the road",
 }
+#: The traffic of a search that replays its recordings.
+RECORDED = "recorded"
 
-#: Others count that come so near to the agent in the recording [m].
-NEAR = 30.0
+#: Coordinates of the error, and of what the agent sees, behind those of the other vehicles.
+_OF_ERROR = ("error", "error_by", "error_time", "error_size")
+_OF_SIGHT = ("sight", "occlusion")
+#: Coordinates that choose among kinds: a neighbour of a point draws them anew, or leaves them.
+CHOICES = ("error", "error_by", "occlusion")
+#: Normal numbers of a driver lie within the ellipse that holds 99 % of all drivers; this is the 99 % quantile.
+_RARE = 2.3263
+_NORMAL = NormalDist()
 
 
 @dataclass(frozen=True)
@@ -38,32 +48,53 @@ class Space:
     Attributes:
         start_time: The others start this much further along their recording [s].
         start_speed: Their speeds are multiplied by this.
+        driver: What their drivers differ in: parameters of the population that the traffic's planner has; empty: in
+            nothing.
+        drivers: The population, as in `drivers=NAME` of traffic.
+        quantiles: Bounds of the quantiles of the population that are drawn.
         errors: Errors of which at most one vehicle makes one, keys of `ERRORS`.
         error_share: Share of the runs in which one does.
         sight: Radius within which the agent sees [m].
+        occlusion: Share of the runs in which it does not see through vehicles and buildings.
         others: Number of vehicles that are disturbed: those that come nearest to the agent.
     """
 
     start_time: Annotated[tuple[float, float], "s"] = (-2.0, 2.0)
     start_speed: tuple[float, float] = (0.8, 1.2)
+    driver: tuple[str, ...] = ("time_gap", "acceleration")
+    drivers: str = "house"
+    quantiles: tuple[float, float] = (0.01, 0.99)
     errors: tuple[str, ...] = ("brakes", "drifts", "inattentive", "disobeys")
     error_share: float = 0.75
     sight: Annotated[tuple[float, float], "m"] = (30.0, 80.0)
+    occlusion: float = 0.25
     others: int = 4
 
     def __post_init__(self) -> None:
         """Checks bounds and names."""
-        bounds = {"start_time": self.start_time, "start_speed": self.start_speed, "sight": self.sight}
+        bounds = {
+            "start_time": self.start_time,
+            "start_speed": self.start_speed,
+            "sight": self.sight,
+            "quantiles": self.quantiles,
+        }
         for name, (low, high) in bounds.items():
             if not low <= high:
                 raise InputError(name, f"the lower bound {low:g} is above the upper one {high:g}")
             if name != "start_time" and not low > 0.0:
                 raise InputError(name, f"must be positive, is {low:g}")
+        if not self.quantiles[1] < 1.0:
+            raise InputError("quantiles", f"must be below 1, is {self.quantiles[1]:g}")
         for name in self.errors:
             if name not in ERRORS:
                 raise InputError("errors", f"there is no error {name}; there are {', '.join(ERRORS)}")
-        if not 0.0 <= self.error_share <= 1.0:
-            raise InputError("error_share", f"must be from 0 to 1, is {self.error_share:g}")
+        drawn = [name for name in PARAMETERS if name not in TEMPERAMENT]
+        for name in self.driver:
+            if name not in drawn:
+                raise InputError("driver", f"drivers do not differ in {name}; there are {', '.join(drawn)}")
+        for name, share in (("error_share", self.error_share), ("occlusion", self.occlusion)):
+            if not 0.0 <= share <= 1.0:
+                raise InputError(name, f"must be from 0 to 1, is {share:g}")
         if self.others < 1:
             raise InputError("others", f"must be positive, is {self.others}")
 
@@ -88,16 +119,34 @@ class Space:
             raise error.within(str(path)) from None
 
     @property
-    def size(self) -> int:
-        """Number of coordinates of a point: two for each other vehicle, four of the error, one of the sight."""
-        return 2 * self.others + 5
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates of a point, those of the other vehicles with their place, nearest first."""
+        own = ("start_time", "start_speed", *self.driver)
+        return (*(f"{name}.{place}" for place in range(self.others) for name in own), *_OF_ERROR, *_OF_SIGHT)
+
+    def with_traffic(self, traffic: str) -> Space:
+        """The same without draws of drivers where the traffic has none.
+
+        Raises:
+            InputError: The space asks for such draws.
+        """
+        known = SETTINGS.get(traffic.partition(",")[0], {})
+        able = tuple(name for name in self.driver if name in known)
+        if able == self.driver:
+            read_drivers(self.drivers)
+            return self
+        if self.driver != Space.driver:
+            missing = ", ".join(name for name in self.driver if name not in known)
+            raise InputError("driver", f"traffic {traffic} has no {missing} to draw")
+        return bind(self, {"driver": able})
 
 
 @dataclass(frozen=True)
 class Pair:
-    """An agent of a scenario, with the vehicles that come near to it in the recording, nearest first."""
+    """An agent of a scenario file, with the vehicles that come near to it in the recording, nearest first."""
 
-    scenario: Scenario
+    path: str
+    scenario: str
     agent_id: int
     others: tuple[int, ...]
 
@@ -130,12 +179,18 @@ class Disturbance:
         speeds: By vehicle, the factor of its speeds.
         error: The error of one of them; None: there is none.
         sight: Radius within which the agent sees [m]; None: as its settings say.
+        occluded: The agent does not see through vehicles and buildings.
+        drivers: By vehicle, settings of its planner that its driver has drawn; others are undisturbed.
+        rare: A vehicle whose driver is not among 99 % of the population; None: there is none.
     """
 
     times: dict[int, float]
     speeds: dict[int, float]
     error: Error | None
     sight: float | None
+    occluded: bool = False
+    drivers: dict[int, dict[str, float]] = field(default_factory=dict)
+    rare: int | None = None
 
     def words(self) -> str:
         """What is different, in one line."""
@@ -145,6 +200,10 @@ class Disturbance:
             if time != 0.0
         ]
         said += [f"{who} drives at {factor:.3f} of its speed" for who, factor in self.speeds.items() if factor != 1.0]
+        said += [
+            f"{who} is driven with {', '.join(f'{name} {value:.2f}' for name, value in own.items())}"
+            for who, own in self.drivers.items()
+        ]
         if self.error is not None:
             error = self.error
             what = {
@@ -158,63 +217,69 @@ class Disturbance:
             said.append(f"{error.who} {what[error.kind]}")
         if self.sight is not None:
             said.append(f"the agent sees {self.sight:.0f} m far")
+        if self.occluded:
+            said.append("the agent does not see through vehicles and buildings")
         return "; ".join(said) or "nothing is disturbed"
-
-
-def pairs(scenario: Scenario, n_others: int) -> list[Pair]:
-    """All agents of a scenario that have a vehicle near in the recording."""
-    obstacles = scenario.obstacles
-    able = candidates(scenario)
-    rows = [row for row, is_able in enumerate(able.accepted.tolist()) if is_able]
-    found = []
-    for row in rows:
-        nearest = []
-        for other in rows:
-            there = obstacles.valid[row] & obstacles.valid[other]
-            if other == row or not there.any():
-                continue
-            dx = obstacles.x[row, there] - obstacles.x[other, there]
-            dy = obstacles.y[row, there] - obstacles.y[other, there]
-            distance = float(np.hypot(dx, dy).min())
-            if distance <= NEAR:
-                nearest.append((distance, int(obstacles.ids[other])))
-        if nearest:
-            others = tuple(number for _, number in sorted(nearest)[:n_others])
-            found.append(Pair(scenario, int(obstacles.ids[row]), others))
-    return found
 
 
 def undisturbed(space: Space) -> Floats:
     """The point of a space at which nothing is changed."""
-    point = np.empty(space.size)
-    for other in range(space.others):
-        point[2 * other] = _back(0.0, space.start_time)
-        point[2 * other + 1] = _back(1.0, space.start_speed)
-    point[-5:] = (1.0, 0.0, 0.0, 0.0, 1.0)
-    return point
+    neutral = {
+        "start_time": _back(0.0, space.start_time),
+        "start_speed": _back(1.0, space.start_speed),
+        **dict.fromkeys(space.driver, 0.5),
+        **dict.fromkeys(_OF_ERROR, 0.0),
+        **dict.fromkeys(("error", *_OF_SIGHT), 1.0),
+    }
+    return np.array([neutral[name.partition(".")[0]] for name in space.coordinates])
 
 
-def disturbance(space: Space, pair: Pair, point: Floats) -> Disturbance:
-    """What a point means for a pair; coordinates are from 0 to 1."""
-    times, speeds = {}, {}
-    for other, who in enumerate(pair.others):
-        times[who] = _toward(float(point[2 * other]), space.start_time, 0.0)
-        speeds[who] = _toward(float(point[2 * other + 1]), space.start_speed, 1.0)
-    is_wrong, which, when, size, sight = (float(value) for value in point[-5:])
-    error = None
-    if is_wrong < space.error_share and space.errors:
-        kinds = len(space.errors)
-        kind = space.errors[min(int(is_wrong / space.error_share * kinds), kinds - 1)]
-        whom = pair.others[min(int(which * len(pair.others)), len(pair.others) - 1)]
-        if kind == "brakes":
-            error = Error(kind, whom, 4.0 * when, 4.0 + 2.0 * size, 0.5 + 1.5 * size)
-        elif kind == "drifts":
-            side = 1.0 if size >= 0.5 else -1.0
-            error = Error(kind, whom, 4.0 * when, side * (0.3 + 0.7 * abs(2.0 * size - 1.0)), 2.0)
-        else:
-            error = Error(kind, whom, 0.0, 0.0, 0.0)
+def disturbance(space: Space, traffic: str, pair: Pair, point: Sequence[float] | Floats) -> Disturbance:
+    """What a point means for a pair among the traffic of a planner; coordinates are from 0 to 1."""
+    at = dict(zip(space.coordinates, (float(value) for value in point), strict=True))
+    times, speeds, drivers, rare = {}, {}, {}, None
+    for place, who in enumerate(pair.others):
+        times[who] = _toward(at[f"start_time.{place}"], space.start_time, 0.0)
+        speeds[who] = _toward(at[f"start_speed.{place}"], space.start_speed, 1.0)
+        normal = {
+            name: _NORMAL.inv_cdf(_toward(value, space.quantiles, 0.5))
+            for name in space.driver
+            if (value := at[f"{name}.{place}"]) != 0.5
+        }
+        if normal:
+            drivers[who] = _driver(space, traffic, normal)
+        if sum(z * z for z in normal.values()) > _ellipse(len(normal)):
+            rare = who
+    error = _error(space, pair, at)
     low, high = space.sight
-    return Disturbance(times, speeds, error, None if sight >= 1.0 else low + (high - low) * sight)
+    sight = None if at["sight"] >= 1.0 else low + (high - low) * at["sight"]
+    return Disturbance(times, speeds, error, sight, at["occlusion"] < space.occlusion, drivers, rare)
+
+
+def _driver(space: Space, traffic: str, normal: dict[str, float]) -> dict[str, float]:
+    """Settings of the traffic's planner for a driver with these normal numbers."""
+    names = SETTINGS[traffic.partition(",")[0]]
+    known = read_drivers(space.drivers).parameters
+    return {names[name]: known[name].at(z) for name, z in normal.items() if name in known}
+
+
+def _ellipse(n: int) -> float:
+    """99 % quantile of the chi-squared distribution, after Wilson and Hilferty; 0 without degrees of freedom."""
+    return n * (1.0 - 2.0 / (9.0 * n) + _RARE * math.sqrt(2.0 / (9.0 * n))) ** 3 if n else 0.0
+
+
+def _error(space: Space, pair: Pair, at: dict[str, float]) -> Error | None:
+    if not (at["error"] < space.error_share and space.errors):
+        return None
+    kinds, when, size = len(space.errors), at["error_time"], at["error_size"]
+    kind = space.errors[min(int(at["error"] / space.error_share * kinds), kinds - 1)]
+    whom = pair.others[min(int(at["error_by"] * len(pair.others)), len(pair.others) - 1)]
+    if kind == "brakes":
+        return Error(kind, whom, 4.0 * when, 4.0 + 2.0 * size, 0.5 + 1.5 * size)
+    if kind == "drifts":
+        side = 1.0 if size >= 0.5 else -1.0
+        return Error(kind, whom, 4.0 * when, side * (0.3 + 0.7 * abs(2.0 * size - 1.0)), 2.0)
+    return Error(kind, whom, 0.0, 0.0, 0.0)
 
 
 def _back(neutral: float, bounds: tuple[float, float]) -> float:

@@ -1,0 +1,137 @@
+"""The folder of a search: what is searched, the log from which it goes on, and the table of its runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from interdrive.errors import InputError, ResultsError
+from interdrive.failure_search.allocation import SOURCES
+from interdrive.run import OUTCOMES
+from interdrive.storage import Column, Origin, arrow_table, replacing, write_table
+from interdrive.storage.reading import read_json
+from interdrive.storage.writing import json_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+_FILE, _LOG, _TABLE = "search.json", "evaluations.jsonl", "evaluations.parquet"
+
+#: Columns of evaluations.parquet.
+EVALUATION_COLUMNS = (
+    Column("index", "integer", "number of the run"),
+    Column("scenario", "label", "name of the scenario file"),
+    Column("agent_id", "integer", "the agent under test"),
+    Column("source", "label", "where its point comes from (interdrive.failure_search.SOURCES)", labels=SOURCES),
+    Column("uniform", "truth", "drawn uniformly over all pairs and points, so it counts for the rate"),
+    Column("draws", "integer", "points that were drawn until one was plausible"),
+    Column("point", "text", "coordinates from 0 to 1, as JSON, in the order of `coordinates` in search.json"),
+    Column("disturbance", "text", "the same in words"),
+    Column("outcome", "label", "one of interdrive.run.OUTCOMES", labels=OUTCOMES, null="no draw was plausible"),
+    Column("failure", "label", "kind of the failure; empty: none"),
+    Column("partner_id", "integer", "with whom it collided", null="no collision with a participant"),
+    Column(
+        "criticality", "number", "below 0: a failure; 0 (near) or more otherwise", "1", null="no draw was plausible"
+    ),
+    Column("signature", "label", "scenario, agent, kind and partner of a failure; empty: none"),
+    Column("folder", "label", "folder of the failure; empty: none"),
+    Column("witness", "label", "a driver that avoids the failure in this folder; empty: none"),
+    Column("digest", "text", "SHA-256 of all states until the agent had its outcome"),
+)
+
+
+class SearchFolder:
+    """The folder of one search, new or begun."""
+
+    def __init__(self, path: Path, what: Mapping[str, Any]) -> None:
+        """Opens it.
+
+        Args:
+            path: The folder.
+            what: All that decides what is found.
+
+        Raises:
+            InputError: It holds something else.
+            ResultsError: It is damaged.
+        """
+        self.path, self._what = path, dict(what)
+        self.undisturbed: list[tuple[str, int, str]] | None = self._opened()
+        self.rows: list[dict[str, Any]] = []
+        if (path / _LOG).exists():
+            self.rows = logged(path)
+            with replacing(path / _LOG) as part:  # without what a killed process left of a line
+                part.write_text("".join(json_text(row) + "\n" for row in self.rows), encoding="utf-8")
+
+    def _opened(self) -> list[tuple[str, int, str]] | None:
+        """How pairs ended undisturbed, if the folder holds the same search; None if it holds none yet."""
+        path = self.path / _FILE
+        if not path.exists():
+            if self.path.exists() and any(self.path.iterdir()):
+                raise InputError(f"{self.path}: is no search, and not empty")
+            self.path.mkdir(parents=True, exist_ok=True)
+            return None
+        stored = described(self.path)
+        other = [name for name in self._what if stored.get(name) != self._what[name]]
+        if other:
+            raise InputError(f"{self.path}: holds another search ({', '.join(other)} differ); choose another --out")
+        return [(str(scenario), int(agent), str(how)) for scenario, agent, how in stored["undisturbed"]]
+
+    def describe(self, undisturbed: Sequence[tuple[str, int, str]]) -> None:
+        """Writes what is searched, and how pairs (scenario, agent) ended undisturbed."""
+        self.undisturbed = list(undisturbed)
+        with replacing(self.path / _FILE) as part:
+            part.write_text(
+                json_text({**self._what, "undisturbed": self.undisturbed}, indent=2) + "\n", encoding="utf-8"
+            )
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Adds a run to the log; it is there when the next one is added."""
+        self.rows.append(row)
+        with (self.path / _LOG).open("a", encoding="utf-8") as log:
+            log.write(json_text(row) + "\n")
+
+    def write_table(self) -> None:
+        """Writes the runs of the log as a table."""
+        values: dict[str, list[Any]] = {
+            column.name: [row[column.name] for row in self.rows] for column in EVALUATION_COLUMNS
+        }
+        values["point"] = [json.dumps(point) for point in values["point"]]
+        values["partner_id"] = [None if number < 0 else number for number in values["partner_id"]]
+        with replacing(self.path / _TABLE) as part:
+            write_table(arrow_table(EVALUATION_COLUMNS, values), part, Origin({"planner": self._what["planner"]}))
+
+
+def described(folder: str | Path) -> dict[str, Any]:
+    """What was searched, and how pairs ended undisturbed.
+
+    Raises:
+        ResultsError: The folder holds no search, or it is damaged.
+    """
+    path = Path(folder) / _FILE
+    try:
+        stored: dict[str, Any] = read_json(path)
+        iter(stored["undisturbed"])
+    except FileNotFoundError:
+        raise ResultsError(f"{folder}: is no search: there is no {_FILE}") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as cause:
+        raise ResultsError(f"{path}: damaged ({cause!r})") from None
+    return stored
+
+
+def logged(folder: str | Path) -> list[dict[str, Any]]:
+    """The runs of a search, in order, without what a killed process left of a line.
+
+    Raises:
+        ResultsError: The log is damaged.
+    """
+    log = Path(folder) / _LOG
+    try:
+        lines = log.read_text(encoding="utf-8").splitlines(keepends=True) if log.exists() else []
+        rows: list[dict[str, Any]] = [json.loads(line) for line in lines if line.endswith("\n")]
+        in_order = [row["index"] for row in rows] == list(range(len(rows)))
+    except (OSError, ValueError, KeyError, TypeError) as cause:
+        raise ResultsError(f"{log}: damaged ({cause!r})") from None
+    if not in_order:
+        raise ResultsError(f"{log}: damaged (runs are missing)")
+    return rows
