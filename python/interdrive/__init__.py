@@ -58,6 +58,8 @@ _HOME = {
     "Rss": "planners",
     "Trajectory": "planners",
     "VelocityAdjusting": "planners",
+    "Calibration": "calibration",
+    "calibrate": "calibration",
     "Realism": "traffic_realism",
     "realism": "traffic_realism",
     "PredictionEvaluation": "prediction_evaluation",

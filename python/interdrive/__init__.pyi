@@ -9,6 +9,7 @@ from interdrive import (
 from interdrive._core import Predictions as Predictions, Scene as Scene, View as View, __version__ as __version__
 from interdrive.batches import batch as batch, read_batch as read_batch
 from interdrive.benchmarks import Benchmark as Benchmark, benchmark as benchmark
+from interdrive.calibration import Calibration as Calibration, calibrate as calibrate
 from interdrive.config.agent_config import PlannersSpec as PlannersSpec, ViewsSpec as ViewsSpec
 from interdrive.config.schema import (
     SettingsSpec as SettingsSpec,

@@ -1,6 +1,7 @@
 """The evaluation as a whole: rows, floors, refusals, the folder, and that it does not look into the future."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,8 @@ from interdrive import InputError
 from interdrive.scenario import STATE_FIELDS
 from interdrive.testing import Car, straight_road, world
 from interdrive.traffic_realism import rollouts
-from interdrive.traffic_realism.evaluation import _from, _settings
 from interdrive.traffic_realism.folder import save_realism
+from interdrive.traffic_realism.jobs import planning_from, rollout_settings
 from interdrive.traffic_realism.windows import Recording, place_of, read_recordings, windows_of
 
 
@@ -123,7 +124,7 @@ def test_nothing_that_is_recorded_after_the_start_decides_how_vehicles_begin(rec
     plans = []
     for one in (scenario, _shaken(scenario, 40)):
         window = windows_of([Recording("here", one, ())], horizon=8.0, starts=[8.0])[0]
-        settings = _from(_settings(None, "turns"), window)
+        settings = planning_from(rollout_settings(None, "turns"), window)
         simulation = idr.Simulation(
             window.scenario, agents=window.judged.tolist(), planner="idm", settings=settings, threads=1
         )
@@ -142,7 +143,7 @@ def test_bicycles_and_people_go_on_replaying(recording):
     scenario = replace(scenario, obstacles=replace(scenario.obstacles, kinds=kinds))
     window = windows_of([Recording("here", scenario, ())], horizon=8.0, starts=[1.0])[0]
     assert 103 not in window.judged
-    assert 103 not in rollouts.planning(window, _from(_settings(None, "turns"), window))
+    assert 103 not in rollouts.planning(window, planning_from(rollout_settings(None, "turns"), window))
 
 
 def test_windows_of_one_recording_are_joined(recording, tmp_path):
@@ -165,6 +166,39 @@ def test_traffic_that_nobody_drove_is_refused():
     with pytest.raises(InputError, match=r"its traffic was not recorded .*any_traffic takes it"):
         idr.realism("t_junction", "idm")
     assert idr.realism("t_junction", "idm", any_traffic=True, long=0.0).rows
+
+
+def test_a_data_set_is_recorded_although_its_name_says_simulation(recording, tmp_path):
+    text = recording.read_text()
+    source = re.search(r'source="[^"]*"', text)[0]
+    for name, words in (("one", "Next Generation Simulation (NGSIM)"), ("two", "Next Generation Simulation, SUMO")):
+        (tmp_path / f"USA_{name}-1_1_T-1.xml").write_text(text.replace(source, f'source="{words}"'))
+    found, notes = read_recordings([tmp_path], raw=False, any_traffic=False)
+    assert [one.place for one in found] == ["USA_one"]
+    assert notes == ["USA_two-1_1_T-1.xml is left out: its traffic was not recorded (SUMO); any_traffic takes it"]
+
+
+def test_vehicles_that_change_lanes_where_no_way_leads_are_measured(tmp_path):
+    """The recording crosses from one road to another one beside it, to which no route leads."""
+    lanes = straight_road(600.0, 2)
+    nobody, nowhere, beside = np.full(2, -1), np.zeros(2, dtype=np.bool_), np.array([0.0, 4.0])
+    apart = replace(
+        lanes,
+        left=(lanes.left[0], lanes.left[1] + beside),
+        right=(lanes.right[0], lanes.right[1] + beside),
+        adjacent_left=nobody,
+        adjacent_right=nobody,
+        adjacent_left_same_direction=nowhere,
+        adjacent_right_same_direction=nowhere,
+    )
+    path = tmp_path / "DEU_Apart-1_1_T-1.xml"
+    cars = [Car(101 + i, 40.0 * i, 0.0, 15.0) for i in range(3)]
+    scenario = world(apart, cars=cars, steps=100, dt=0.2, name=path.stem)
+    scenario.obstacles.y.setflags(write=True)
+    scenario.obstacles.y[0] = np.clip(np.arange(101) * 0.25 - 2.0, 0.0, 7.5)
+    idr.write_scenario(scenario, path)
+    rows = _rows(idr.realism(path, "idm", long=0.0, starts=[1.0]))
+    assert rows["idm"].vehicles == rows["recorded"].vehicles == 3
 
 
 @pytest.mark.parametrize(

@@ -141,11 +141,13 @@ _GROUPS = {
         "alks": "Drive the manoeuvres of UN R157 over a grid.",
         "predict-eval": "Compare predictions with recordings.",
         "realism": "Measure how far planners drive from recorded people.",
+        "calibrate": "Fit a population of drivers to recordings.",
     },
     "Look up": {
         "settings": "List settings with defaults, units and meaning.",
         "planners": "List planners, or the settings of one.",
         "predictors": "List predictors, or the settings of one.",
+        "drivers": "List populations of drivers, or show one.",
         "models": "List or install published weights.",
     },
 }

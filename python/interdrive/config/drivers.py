@@ -65,6 +65,8 @@ _FORMAT = 1
 #: Seeds are whole numbers below this.
 _SEEDS = 2**64
 _SUFFIX = ".toml"
+#: Keys of files; other tables are kinds of vehicles.
+_KEYS = ("format", "planner", "parameters", "driver", "correlation", "provenance")
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,18 @@ class Distribution:
             value = self.median + self.sd * z
         return min(max(value, self.low), self.high)
 
+    def many(self, z: Floats) -> Floats:
+        """The values for standard normal numbers, as `at`."""
+        if self.transform == "log":
+            values = self.median * np.exp(self.sd * z)
+        elif self.transform == "logit":
+            share = (self.median - self.low) / (self.high - self.low)
+            logits = math.log(share / (1.0 - share)) + self.sd * z
+            values = self.low + (self.high - self.low) / (1.0 + np.exp(-logits))
+        else:
+            values = self.median + self.sd * z
+        return np.clip(values, self.low, self.high)
+
 
 @dataclass(frozen=True)
 class Drivers:
@@ -109,6 +123,8 @@ class Drivers:
         kinds: Distributions that differ for a kind of vehicle, such as "truck".
         noise: Standard deviation of a random part of the acceleration [m/s²], which differs from agent to agent.
         noise_length: Time over which that part changes [s].
+        planner: Whose drivers they are, where they were fitted; empty: any planner's.
+        provenance: Where the numbers are from; `places` names the places that they were fitted on.
     """
 
     name: str
@@ -117,6 +133,18 @@ class Drivers:
     kinds: Mapping[str, Mapping[str, Distribution]] = field(default_factory=dict)
     noise: float = 0.0
     noise_length: float = 1.5
+    planner: str = ""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def fitted_on(self) -> tuple[str, ...]:
+        """Names of the places that it was fitted on: there it says nothing about realism."""
+        return tuple(map(str, self.provenance.get("places", ())))
+
+    @property
+    def constants(self) -> Mapping[str, float]:
+        """What all of its drivers have in common, by name."""
+        return {"noise": self.noise, "noise_length": self.noise_length} if self.noise > 0.0 else {}
 
     def drawn(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
         """The parameters of an agent; they depend on nothing but these arguments.
@@ -194,6 +222,20 @@ def checked_temperament(given: Mapping[str, object]) -> dict[str, float]:
     return found
 
 
+def check_planner(drivers: Drivers, planner: str) -> None:
+    """Refuses drivers that were fitted for a planner whose settings mean something else.
+
+    Raises:
+        InputError: They were.
+    """
+    if drivers.planner and SETTINGS[planner].get("time_gap") != SETTINGS[drivers.planner].get("time_gap"):
+        alike = [name for name, own in SETTINGS.items() if own["time_gap"] == SETTINGS[drivers.planner]["time_gap"]]
+        raise InputError(
+            f"planner {planner}",
+            f"drivers={drivers.name}: they were fitted for {drivers.planner}; {', '.join(alike)} can have them",
+        )
+
+
 def _population(name: str, medians: Mapping[str, float], sd: float) -> Drivers:
     logs = {key: Distribution(value, sd, "log", *PARAMETERS[key]) for key, value in medians.items() if value > 0.0}
     return Drivers(name, {key: logs[key] for key in PARAMETERS if key in logs})
@@ -243,22 +285,36 @@ def _from_table(name: str, table: Mapping[str, Any]) -> Drivers:
     if table.get("format") != _FORMAT:
         raise InputError("format", f"must be {_FORMAT}, is {table.get('format')!r}")
     kinds = {
-        key: _distributions(value)
-        for key, value in table.items()
-        if isinstance(value, Mapping) and key not in ("parameters", "driver", "provenance")
+        key: _distributions(value) for key, value in table.items() if isinstance(value, Mapping) and key not in _KEYS
     }
-    unknown = [
-        key
-        for key in table
-        if key not in ("format", "parameters", "driver", "provenance", "correlation") and key not in kinds
-    ]
+    unknown = [key for key in table if key not in _KEYS and key not in kinds]
     if unknown:
-        raise InputError(unknown[0], "is not known here; there are format, parameters, driver, correlation, provenance")
+        raise InputError(unknown[0], f"is not known here; there are {', '.join(_KEYS)}")
+    planner = table.get("planner", "")
+    if planner and planner not in SETTINGS:
+        raise InputError("planner", f"must be one of {', '.join(SETTINGS)}, not {planner!r}")
     given = _distributions(table.get("parameters", {}))
     correlation = tuple(_correlated(one) for one in table.get("correlation", ()))
-    found = Drivers(name, given, correlation, kinds, **_noise(table.get("driver", {})))
+    found = Drivers(
+        name,
+        given,
+        correlation,
+        kinds,
+        **_noise(table.get("driver", {})),
+        planner=planner,
+        provenance=_provenance(table.get("provenance", {})),
+    )
     found.drawn(0, 0)
     return found
+
+
+def _provenance(given: object) -> Mapping[str, Any]:
+    if not isinstance(given, Mapping):
+        raise InputError("provenance", "must be a table")
+    places = given.get("places", [])
+    if not isinstance(places, list) or not all(isinstance(place, str) for place in places):
+        raise InputError("provenance.places", f"must be a list of names of places, is {places!r}")
+    return MappingProxyType(dict(given))
 
 
 #: Bounds of `[driver]`, as those of the settings of `idm`.

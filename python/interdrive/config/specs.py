@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.drivers import SETTINGS, Drivers, checked_temperament, read_drivers
+from interdrive.config.drivers import SETTINGS, Drivers, check_planner, checked_temperament, read_drivers
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
@@ -262,8 +262,9 @@ def _with_drivers(
     if named is None:
         return planner, view, rules, v2x, usual
     drivers = named if isinstance(named, Drivers) else read_drivers(str(named))
-    if planner.native not in SETTINGS:
+    if planner.native is None or planner.native not in SETTINGS:
         raise InputError(f"planner {planner.name}", f"drivers={drivers.name}: it has none; {', '.join(SETTINGS)} have")
+    check_planner(drivers, planner.native)
     return replace(planner, label=f"{planner.label},drivers={drivers.name}"), view, rules, v2x, drivers
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import TYPE_CHECKING, cast, get_args
 
 import numpy as np
 
 from interdrive.batches.plan import labels_of
-from interdrive.batches.pool import Pool, Task
-from interdrive.config.binding import bind, flatten
+from interdrive.config.binding import flatten
 from interdrive.config.schema import SimulationSettings
 from interdrive.config.specs import read_planner
 from interdrive.errors import InputError, InterdriveError
@@ -18,6 +17,7 @@ from interdrive.scenario.known_goals import Information
 from interdrive.scenario.native import core_road
 from interdrive.traffic_realism import rollouts
 from interdrive.traffic_realism.analog import Situations, analog, situations
+from interdrive.traffic_realism.jobs import done, planning_from, rollout_settings
 from interdrive.traffic_realism.measures import measured
 from interdrive.traffic_realism.persistence import thirds
 from interdrive.traffic_realism.result import Realism
@@ -25,10 +25,9 @@ from interdrive.traffic_realism.summary import LongMeasures, floor_of, row_of
 from interdrive.traffic_realism.windows import read_recordings, windows_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from interdrive.config.binding import Setting
     from interdrive.config.schema import SettingsSpec
     from interdrive.config.specs import PlannerSpec
     from interdrive.traffic_realism.measures import WindowMeasures
@@ -39,13 +38,6 @@ if TYPE_CHECKING:
 RECORDED, CONSTANT_VELOCITY, ANALOG = "recorded", "constant_velocity", "analog"
 #: All places together.
 ALL = "all"
-#: What vehicles have in rollouts unless settings say otherwise.
-_USUAL: Mapping[str, Setting] = {
-    "agents.min_displacement": 2.0,
-    "step.entry_wait": 5.0,
-    "record.violations": False,
-    "record.orders": False,
-}
 
 
 @dataclass(frozen=True)
@@ -113,7 +105,7 @@ def realism(
         InterdriveError: A process was lost twice.
     """
     _check(goals, rollouts, horizon, long, workers, starts)
-    given = _settings(settings, goals)
+    given = rollout_settings(settings, goals)
     choices = _choices(planners, given)
     sources = [files] if isinstance(files, str | os.PathLike) else list(files)
     recordings, notes = read_recordings(sources, raw=raw, any_traffic=any_traffic)
@@ -123,9 +115,9 @@ def realism(
     long_windows = windows_of(recordings, horizon=long, is_long=True) if long > 0.0 else []
     draws = any(_draws(planner, given) for _, planner in choices)
     short_seeds = tuple(seed + i for i in range(rollouts if draws else 1))
-    every = [_Job(one, _from(given, one), choices, short_seeds) for one in windows]
-    every += [_Job(one, _from(given, one), choices, (seed,), is_long=True) for one in long_windows]
-    agents = list(_done(_planning, every, workers, on_step, "routes"))
+    every = [_Job(one, planning_from(given, one), choices, short_seeds) for one in windows]
+    every += [_Job(one, planning_from(given, one), choices, (seed,), is_long=True) for one in long_windows]
+    agents = list(done(_planning, every, workers, on_step, "routes"))
     every = [replace(job, agents=tuple(own)) for job, own in zip(every, agents, strict=True)]
     jobs = [job for job in every if not job.is_long and len(job.judged)]
     long_jobs = [job for job in every if job.is_long and job.agents]
@@ -135,8 +127,8 @@ def realism(
     known = situations(windows, [job.judged for job in jobs])
     firsts = np.cumsum([0, *(len(job.judged) for job in jobs)]).tolist()
     jobs = [replace(job, known=known, first=first) for job, first in zip(jobs, firsts, strict=False)]
-    found = list(_done(_measured, jobs, workers, on_step, "rollouts"))
-    found_long = list(_done(_measured_long, long_jobs, workers, on_step, "long rollouts"))
+    found = list(done(_measured, jobs, workers, on_step, "rollouts"))
+    found_long = list(done(_measured_long, long_jobs, workers, on_step, "long rollouts"))
     if any(ANALOG not in one for one in found):
         notes.append(f"{ANALOG} is left out: fewer than 24 recorded vehicles are far enough from those of a window")
     names = [RECORDED, CONSTANT_VELOCITY, *([ANALOG] if all(ANALOG in one for one in found) else [])]
@@ -144,6 +136,12 @@ def realism(
     rows: list[Row] = []
     floors = []
     places = list(dict.fromkeys(window.place for window in windows))
+    fitted = {label: _fitted_on(planner, given) for label, planner in choices}
+    notes += [
+        f"{label} was fitted on {', '.join(sorted(own.intersection(places)))}: there it says nothing about realism"
+        for label, own in fitted.items()
+        if own.intersection(places)
+    ]
     for place in [*([ALL] if len(places) > 1 else []), *places]:
         own = [one for one, job in zip(found, jobs, strict=True) if place in (ALL, job.window.place)]
         own_long = [one for one, job in zip(found_long, long_jobs, strict=True) if place in (ALL, job.window.place)]
@@ -151,7 +149,9 @@ def realism(
         floors.append(floor_of(place, recorded, seed=seed))
         for name in everybody:
             parts, parts_long = [one[name] for one in own], [one[name] for one in own_long if name in one]
-            rows.append(row_of(name, place, parts, recorded, parts_long, seed=seed))
+            known_places = places if place == ALL else [place]
+            is_fitted = bool(fitted.get(name, set()).intersection(known_places))
+            rows.append(row_of(name, place, parts, recorded, parts_long, seed=seed, is_fitted=is_fitted))
             if on_step is not None:
                 on_step(f"{name}, {place}", len(rows), (len(places) + (len(places) > 1)) * len(everybody))
     usual = flatten(SimulationSettings())
@@ -198,17 +198,6 @@ def _check(goals: str, rollouts: int, horizon: float, long: float, workers: int,
         raise InputError(f"starts: expected times of at least 0 s, not {list(starts)}")
 
 
-def _settings(given: SettingsSpec | None, goals: Information) -> SimulationSettings:
-    if isinstance(given, SimulationSettings):
-        usual = {name: value for name, value in _USUAL.items() if name.startswith("record.")}
-        return bind(given, {**usual, "goal.information": goals})
-    return bind(SimulationSettings(), {**_USUAL, **(given or {}), "goal.information": goals})
-
-
-def _from(settings: SimulationSettings, window: Window) -> SimulationSettings:
-    return replace(settings, agents=replace(settings.agents, plan_from=window.start * window.scenario.dt))
-
-
 def _choices(planners: object, settings: SimulationSettings) -> tuple[tuple[str, PlannerSpec], ...]:
     found: list[tuple[str, PlannerSpec]] = []
     for one in planners if isinstance(planners, list | tuple) else [planners]:
@@ -227,46 +216,15 @@ def _choices(planners: object, settings: SimulationSettings) -> tuple[tuple[str,
     return tuple(found)
 
 
+def _fitted_on(planner: PlannerSpec, settings: SimulationSettings) -> set[str]:
+    """Places that its drivers were fitted on."""
+    drivers = read_planner(planner, settings.planner).drivers
+    return set() if drivers is None else set(drivers.fitted_on)
+
+
 def _draws(planner: PlannerSpec, settings: SimulationSettings) -> bool:
     """Whether its rollouts differ by their seed."""
     return read_planner(planner, settings.planner).drivers is not None
-
-
-def _done(
-    function: Callable[[Any, int], Any],
-    jobs: Sequence[Any],
-    workers: int,
-    on_step: Callable[[str, int, int], None] | None,
-    what: str,
-) -> Iterator[Any]:
-    """What a function returns for each job, in order."""
-    if min(workers, len(jobs)) <= 1:
-        for i, job in enumerate(jobs):
-            if on_step is not None:
-                on_step(what, i, len(jobs))
-            yield _raised(function(job, 0))
-        return
-    waiting = iter([Task((i, function, job)) for i, job in enumerate(jobs)])
-    found: dict[int, Any] = {}
-    done = 0
-    with Pool(min(workers, len(jobs))) as pool:
-        for end in pool.run(_called, lambda _group: next(waiting, None)):
-            found[end.task.payload[0]] = InterdriveError("realism", end.why) if end.lost else end.value
-            if on_step is not None:
-                on_step(what, len(found) + done, len(jobs))
-            while done in found:
-                yield _raised(found.pop(done))
-                done += 1
-
-
-def _called(payload: tuple[int, Callable[[Any, int], Any], Any], attempt: int) -> Any:  # noqa: ANN401 - any answer
-    return payload[1](payload[2], attempt)
-
-
-def _raised(answer: Any) -> Any:  # noqa: ANN401 - any answer
-    if isinstance(answer, InterdriveError):
-        raise answer
-    return answer
 
 
 def _planning(job: _Job, _attempt: int) -> list[int] | InterdriveError:

@@ -33,6 +33,7 @@ ROW_COLUMNS = (
     Column("windows", "integer", "starts of rollouts"),
     Column("vehicles", "integer", "judged vehicles in all windows"),
     Column("is_claim", "truth", "there are at least 20 windows or 300 vehicles"),
+    Column("is_fitted", "truth", "its drivers were fitted on this place, so it says nothing about realism"),
     *(
         column
         for h in HORIZONS
@@ -210,7 +211,8 @@ def _flat(row: Row) -> dict[str, Any]:
     found: dict[str, Any] = {
         name: getattr(row, name)
         for name in (
-            *("planner", "place", "windows", "vehicles", "is_claim", "lane_changes", "standing", "braked"),
+            *("planner", "place", "windows", "vehicles", "is_claim", "is_fitted"),
+            *("lane_changes", "standing", "braked"),
             *("collisions", "departures", "not_admitted", "long_vehicles", "long_collisions", "long_departures"),
         )
     }

@@ -144,8 +144,12 @@ def replayed(window: Window, settings: SimulationSettings, agents: Sequence[int]
     # Who replays is done where its recording ends.
     until_end = replace(settings.goal, information="timed")
     own = replace(settings, goal=until_end, step=replace(settings.step, entry_wait=0.0))
-    found = simulated(window, "recorded", own, (0,), agents)
-    truth = recorded(window, found.judged)
+    # Whose recorded way is none of the map's has no goal with a time: its recording counts, but nobody judges it.
+    able = np.intersect1d(planning(window, own), np.array(agents, dtype=np.int64))
+    truth = recorded(window, np.intersect1d(window.judged, np.array(agents, dtype=np.int64)))
+    if not len(able):
+        return truth
+    found = simulated(window, "recorded", own, (0,), able.tolist())
     counts = {name: getattr(found, name) for name in ("n_agents", "collisions", "departures", "braked")}
     return replace(truth, **counts)
 

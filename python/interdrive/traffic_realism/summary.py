@@ -69,6 +69,7 @@ class Row:
         long_departures: As `departures`, in long rollouts.
         long_vehicles: Vehicles of the long rollouts.
         persistence: How drivers differ, in long rollouts.
+        is_fitted: Its drivers were fitted on this place, so that it says nothing about realism.
     """
 
     planner: str
@@ -92,6 +93,7 @@ class Row:
     long_departures: float
     long_vehicles: int
     persistence: Persistence
+    is_fitted: bool = False
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,7 @@ def row_of(
     long: Sequence[LongMeasures],
     *,
     seed: int,
+    is_fitted: bool = False,
 ) -> Row:
     """Sums up windows.
 
@@ -127,6 +130,7 @@ def row_of(
         recorded: What the recording has there.
         long: What the row has in long rollouts.
         seed: Of bootstrap and classifier.
+        is_fitted: Its drivers were fitted on this place.
     """
     counts = [len(part.judged) for part in parts]
     groups = np.repeat(np.arange(len(parts)), counts).astype(np.float64)
@@ -163,6 +167,7 @@ def row_of(
         long_departures=_per_100(sum(part.departures for part in long), long_agents),
         long_vehicles=long_agents,
         persistence=persistence([part.thirds for part in long]),
+        is_fitted=is_fitted,
     )
 
 

@@ -109,7 +109,10 @@ def markdown(found: Realism) -> str:
 
 
 def _named(row: Row) -> tuple[str, str]:
-    return (row.place if row.is_claim else f"{row.place} (few)", row.planner)
+    return (
+        row.place if row.is_claim else f"{row.place} (few)",
+        f"{row.planner} (fitted here)" if row.is_fitted else row.planner,
+    )
 
 
 def _text(value: float | None, digits: int = 2) -> str:

@@ -35,6 +35,8 @@ _FIRST, _EVERY, _EVERY_BUSY, _BUSY = 1.0, 8.0, 16.0, 40
 _LONG_STARTS = 4
 #: Words in the source or tags of a file that was simulated or invented.
 _NOT_RECORDED = re.compile(r"SUMO|synthes|hand-?crafted|simulat", re.IGNORECASE)
+#: A data set of recordings, whatever its name says: NGSIM.
+_NGSIM = re.compile(r"next[ -]generation simulation", re.IGNORECASE)
 #: Countries of CommonRoad that are on no map.
 _NOWHERE = re.compile(r"(?<=benchmarkID=\")(?:[CS]-)?(?:ZAM|OSC)(?=[_-])")
 
@@ -172,7 +174,7 @@ def _not_recorded(path: Path) -> str:
     """Why the traffic of a file was not recorded; empty if it may have been."""
     head = path.read_bytes()[:20_000].decode("utf-8", "replace")
     said = " ".join([*re.findall(r'source="([^"]*)"', head), *re.findall(r"<scenarioTags>(.*?)</scenarioTags>", head)])
-    word = _NOT_RECORDED.search(said) or _NOWHERE.search(head)
+    word = _NOT_RECORDED.search(_NGSIM.sub("", said)) or _NOWHERE.search(head)
     return f"its traffic was not recorded ({word[0]})" if word else ""
 
 
