@@ -43,7 +43,7 @@ def driven(seed, runs, method="levels", stop_at=()):
 
 def test_the_interval_of_the_uniform_rate_holds_the_true_one_in_95_of_100_searches():
     true = 2.0 / PAIRS * 0.3 * 0.4
-    rates = [yields(driven(seed, 400))[0].rate for seed in range(100)]
+    rates = [yields(driven(seed, 250))[0].rate for seed in range(100)]
     assert sum(low <= true <= high for _, low, high in rates) >= 95
     assert np.mean([at for at, _, _ in rates]) == pytest.approx(true, rel=0.1), "no bias"
 

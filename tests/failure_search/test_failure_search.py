@@ -12,8 +12,9 @@ from click.testing import CliRunner
 import interdrive as idr
 from interdrive import InputError, ResultsError
 from interdrive.cli import main
-from interdrive.failure_search import Space, check_failure, failures, replay
+from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, replay
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
+from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
@@ -67,7 +68,7 @@ def test_a_planner_that_does_not_see_its_leader_brake_is_found_at_fault_and_othe
     assert (one.failure, one.witness, one.drive.agent_id) == ("ran_into", "cc", AGENT)
     assert one.disturbance.startswith("102 brakes with ")
     assert {path.name for path in one.folder.iterdir()} == {
-        *("README.md", "failure.json", "failure.png", "run", "run.toml", "start.xml", "witness"),
+        *("README.md", "failure.gif", "failure.json", "failure.png", "run", "run.toml", "start.xml", "witness"),
     }
     assert len(found.failures) <= 3, "failures of one signature"
     rows = pq.read_table(folder / "evaluations.parquet").to_pydict()
@@ -113,6 +114,39 @@ def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes
     found = searched(file, out)
     assert (out / "evaluations.jsonl").read_bytes() == (done[1] / "evaluations.jsonl").read_bytes()
     assert [one.digest for one in found.failures] == [one.digest for one in done[0].failures]
+
+
+def test_the_page_of_a_search_has_every_failure_with_its_film_its_runs_and_the_yield(done, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(done[1], folder)
+    ran = CliRunner().invoke(main, ["report", str(folder)])
+    assert ran.exit_code == 0, ran.output
+    page = (folder / "report.html").read_text()
+    for one in done[0].failures:
+        name = one.folder.name
+        assert f"{name}: agent {AGENT}, ran_into" in page
+        for part in ("run/report.html", "witness/report.html", "failure.gif"):
+            assert f'"failures/{name}/{part}"' in page
+            assert (folder / "failures" / name / part).stat().st_size > 0
+    assert f'<td class="number">{done[0].uniform_failures}</td>' in page
+    assert (folder / "found.pdf").read_bytes().startswith(b"%PDF")
+    figure = search_figure(Summary.of(folder))
+    assert [len(line.get_xdata()) for line in figure.axes[0].get_lines()] == [
+        1 + done[0].uniform_runs,
+        1 + RUNS - done[0].uniform_runs,
+    ]
+
+
+def test_searches_are_compared_row_by_row(done, tmp_path):
+    shutil.copytree(done[1], tmp_path / "again")
+    code, text = invoked("compare", done[1], tmp_path / "again")
+    assert code == 0
+    first, second = (one.cells() for one in compared([done[1], tmp_path / "again"]))
+    assert first[1:] == second[1:]
+    assert (first[0], second[0]) == ("blind", "again")
+    assert all(cell in text for cell in first)
+    assert dict(zip(HEAD, first, strict=True))["failures"] == str(len(done[0].failures))
+    assert invoked("compare", tmp_path)[0] == 2
 
 
 def test_a_suite_says_which_failures_a_planner_has_fixed(done, tmp_path):

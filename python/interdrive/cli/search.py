@@ -16,8 +16,6 @@ from interdrive.cli.terminal import say
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from interdrive.failure_search import Found
-
 _TRUST = click.option("--trust", is_flag=True, help="Import planners that the failure names as module:object.")
 
 
@@ -66,6 +64,7 @@ def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: i
     from dataclasses import replace  # noqa: PLC0415
 
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+    from interdrive.cli.search_report import print_found  # noqa: PLC0415
     from interdrive.failure_search import Space  # noqa: PLC0415 - numpy
     from interdrive.failure_search import search as searched  # noqa: PLC0415
 
@@ -88,44 +87,11 @@ def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: i
         except KeyboardInterrupt:
             kept = f"interrupted; what was found is in {shown(out)}, and the same command goes on"
             raise KeyboardInterrupt(kept) from None
-    _tell(found, out)
+    print_found(found, out)
 
 
 def _say_how_many(say_so: Callable[[str], None], runs: int | None, done: int, failures: int) -> None:
     say_so(f"{done}{'' if runs is None else f' of {runs}'} runs, {failures} failures")
-
-
-def _tell(found: Found, out: Path) -> None:
-    from interdrive.cli.report import output, print_table, table_of  # noqa: PLC0415 - rich
-
-    for left_out in found.left_out:
-        say(f"left out: {left_out}")
-    for name in found.undisturbed:
-        say(f"{name} fails without any disturbance")
-    for one in found.failures:
-        avoided = f"{one.witness} avoids it" if one.witness else "unproven: none of the tried drivers avoids it"
-        say(f"{one.folder.name}: agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
-        say(f"     {one.disturbance}")
-    head = ("runs", "driven", "fail", "kinds", "rate [%]", "95 %", "times uniform", "95 % of it")
-    table = table_of(head, right=head[1:])
-    for part in found.yields:
-        share, low, high = (100.0 * value for value in part.rate)
-        times = ("", "") if part.source == "uniform" else (f"{part.ratio[0]:.1f}", _range(part.ratio))
-        table.add_row(
-            *(part.source, str(part.runs), str(part.failures), str(part.signatures)),
-            *(f"{share:.2f}", f"{low:.2f} to {high:.2f}", *times),
-        )
-    print_table(output(), table, names=1)
-    share, low, high = (100.0 * value for value in found.rate)
-    say(
-        f"{len(found.failures)} failures kept, {sum(bool(one.witness) for one in found.failures)} of them avoidable; "
-        f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail: {share:.2f} % ({low:.2f} to {high:.2f})"
-    )
-    say(f"search in {shown(out.resolve())}")
-
-
-def _range(ratio: tuple[float, float, float]) -> str:
-    return f"{ratio[1]:.1f} to {ratio[2]:.1f}"
 
 
 @search.command()
@@ -142,6 +108,16 @@ def replay(folder: str, trust: bool) -> int:
     said = "equal" if is_equal else f"different: {run.digest[:12]}..., stored {failure.digest[:12]}..."
     say(f"digest {said}" + ("" if is_equal else f" (found by version {failure.version})"))
     return 0 if is_equal else 1
+
+
+@search.command()
+@click.argument("folders", metavar="DIR...", nargs=-1, required=True)
+def compare(folders: tuple[str, ...]) -> None:
+    """Compare searches: rates of uniform runs, yields of directed ones, failures, each with 95 % intervals."""
+    from interdrive.cli.search_report import print_compared  # noqa: PLC0415 - rich
+    from interdrive.failure_search import compared  # noqa: PLC0415 - numpy
+
+    print_compared(compared(folders))
 
 
 @search.command()

@@ -10,21 +10,26 @@ from interdrive.failure_search.allocation import METHODS, SOURCES
 from interdrive.failure_search.failures import Failure, Verdict, check_failure, failures, replay
 from interdrive.failure_search.rates import Yield
 from interdrive.failure_search.search import Found, search
-from interdrive.failure_search.search_folder import EVALUATION_COLUMNS
+from interdrive.failure_search.search_folder import EVALUATION_COLUMNS, is_search
 from interdrive.failure_search.spaces import ERRORS, Space
+from interdrive.failure_search.summary import HEAD, Summary, compared
 
 __all__ = [
     "ERRORS",
     "EVALUATION_COLUMNS",
+    "HEAD",
     "METHODS",
     "SOURCES",
     "Failure",
     "Found",
     "Space",
+    "Summary",
     "Verdict",
     "Yield",
     "check_failure",
+    "compared",
     "failures",
+    "is_search",
     "replay",
     "search",
 ]

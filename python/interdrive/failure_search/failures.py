@@ -1,7 +1,7 @@
 """Failures as folders that anybody can repeat, and suites of them.
 
 A folder holds `start.xml` (the disturbed scenario), `run.toml` and `failure.json` (who drives what), the run folders
-`run` and `witness`, `failure.png` and `README.md`.
+`run` and `witness`, the picture `failure.png`, the film `failure.gif` and `README.md`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 _FILE, _START = "failure.json", "start.xml"
+#: Frames per second of films.
+_FILM_RATE = 5.0
 _TEXTS = ("failure", "words", "disturbance", "witness", "digest", "signature", "version")
 
 
@@ -155,6 +157,7 @@ def finish(found: Failure, run: Run, avoided: Run | None) -> None:
     if avoided is not None:
         avoided.save(folder / "witness")
     save_figure(draw_run(run), folder / "failure.png")
+    run.animation(folder / "failure.gif", fps=_FILM_RATE)
     (folder / "run.toml").write_text(_configuration(found.drive), encoding="utf-8")
     (folder / "README.md").write_text(_words(found), encoding="utf-8")
     drive = {**vars(found.drive), "others": {str(key): value for key, value in found.drive.others.items()}}

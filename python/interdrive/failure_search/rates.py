@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
 _TAIL = 0.025
+#: Headings of `Yield.cells`.
+YIELD_HEAD = ("runs", "driven", "fail", "different", "rate [%]", "95 %", "times uniform", "95 % of it")
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,23 @@ class Yield:
     signatures: int
     rate: tuple[float, float, float]
     ratio: tuple[float, float, float]
+
+    def cells(self) -> tuple[str, ...]:
+        """Its row of a table with the headings `YIELD_HEAD`."""
+        at, least, most = self.ratio
+        has_ratio = self.source != "uniform" and not math.isnan(at)
+        return (
+            self.source,
+            *(str(number) for number in (self.runs, self.failures, self.signatures)),
+            *said_rate(self.rate),
+            *((f"{at:.1f}", f"{least:.1f} to {most:.1f}") if has_ratio else ("", "")),
+        )
+
+
+def said_rate(rate: tuple[float, float, float]) -> tuple[str, str]:
+    """A share of runs and its interval [%]; empty without runs."""
+    share, low, high = (100.0 * value for value in rate)
+    return ("", "") if math.isnan(share) else (f"{share:.2f}", f"{low:.2f} to {high:.2f}")
 
 
 def yields(rows: Sequence[Mapping[str, Any]]) -> tuple[Yield, ...]:

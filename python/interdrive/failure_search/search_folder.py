@@ -102,6 +102,11 @@ class SearchFolder:
             write_table(arrow_table(EVALUATION_COLUMNS, values), part, Origin({"planner": self._what["planner"]}))
 
 
+def is_search(folder: str | Path) -> bool:
+    """The folder is one of a search."""
+    return (Path(folder) / _FILE).is_file()
+
+
 def described(folder: str | Path) -> dict[str, Any]:
     """What was searched, and how pairs ended undisturbed.
 

@@ -1,0 +1,49 @@
+"""Output of `interdrive search`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+
+from interdrive.cli.arguments import shown
+from interdrive.cli.report import output, print_table, table_of
+from interdrive.cli.terminal import say
+from interdrive.failure_search import HEAD
+from interdrive.failure_search.rates import YIELD_HEAD
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from interdrive.failure_search import Found, Summary
+
+
+def print_found(found: Found, out: Path) -> None:
+    """Prints what a search found, what its runs brought, and the rate of failures with its interval."""
+    for left_out in found.left_out:
+        say(f"left out: {left_out}")
+    for name in found.undisturbed:
+        say(f"{name} fails without any disturbance")
+    for one in found.failures:
+        avoided = f"{one.witness} avoids it" if one.witness else "unproven: none of the tried drivers avoids it"
+        say(f"{one.folder.name}: agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
+        say(f"     {one.disturbance}")
+    table = table_of(YIELD_HEAD, right=YIELD_HEAD[1:])
+    for part in found.yields:
+        table.add_row(*part.cells())
+    print_table(output(), table, names=1)
+    share, low, high = (100.0 * value for value in found.rate)
+    say(
+        f"{len(found.failures)} failures kept, {sum(bool(one.witness) for one in found.failures)} of them avoidable; "
+        f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail: {share:.2f} % ({low:.2f} to {high:.2f})"
+    )
+    say(f"search in {shown(out.resolve())}")
+
+
+def print_compared(searches: Sequence[Summary]) -> None:
+    """Prints a row for every search."""
+    table = table_of(HEAD, right=HEAD[2:])
+    for one in searches:
+        table.add_row(*map(escape, one.cells()))
+    print_table(output(), table, names=2)
