@@ -1,9 +1,16 @@
 """`interdrive search`: a planted fault is found, kept, shrunk, repeated, collected; plausible worlds; bad input."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
+import drivers
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -23,7 +30,15 @@ from interdrive.testing import Car, straight_road, world
 AGENT, LEADER = 101, 102
 #: A leader that may brake, and nothing else.
 BRAKING = Space(
-    (0.0, 0.0), (1.0, 1.0), (), errors=("brakes",), error_share=0.5, sight=(80.0, 80.0), occlusion=0.0, others=1
+    start_time=(0.0, 0.0),
+    start_speed=(1.0, 1.0),
+    driver=(),
+    errors=("brakes",),
+    error_share=0.5,
+    error_time=(0.0, 4.0),
+    sight=(80.0, 80.0),
+    occlusion=0.0,
+    others=1,
 )
 RUNS = 12
 #: A planner that does not see what is ahead.
@@ -114,6 +129,36 @@ def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes
     found = searched(file, out)
     assert (out / "evaluations.jsonl").read_bytes() == (done[1] / "evaluations.jsonl").read_bytes()
     assert [one.digest for one in found.failures] == [one.digest for one in done[0].failures]
+
+
+def test_a_killed_search_goes_on_to_the_same_bytes_and_another_process_repeats_its_failures(done, file, tmp_path):
+    support = str(Path(drivers.__file__).parent)
+    out, space = tmp_path / "killed", tmp_path / "space.toml"
+    space.write_text(
+        "start_time = [0.0, 0.0]\nstart_speed = [1.0, 1.0]\ndriver = []\nerrors = ['brakes']\nerror_share = 0.5\n"
+        "error_time = [0.0, 4.0]\nsight = [80.0, 80.0]\nocclusion = 0.0\nothers = 1\n"
+    )
+    program = [sys.executable, "-m", "interdrive", "search"]
+    what = [file, "--planner", BLIND, "--agent", AGENT, "--predictor", "constant_velocity", "--space", space]
+    limits = ["--runs", 100 * RUNS, "--workers", 1, "--out", out]
+    words = [*program, *map(str, [*what, *limits])]
+    environment = {**os.environ, "PYTHONPATH": support}
+    log = out / "evaluations.jsonl"
+    with subprocess.Popen(words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        while process.poll() is None and not (log.exists() and log.read_bytes().count(b"\n") >= 3):
+            time.sleep(0.02)
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    begun = log.read_bytes().count(b"\n")
+    found = searched(file, out, runs=max(begun, RUNS))
+    whole = (done[1] / "evaluations.jsonl").read_text().splitlines()
+    assert log.read_text().splitlines()[:RUNS] == whole
+    assert found.failures[0].digest == done[0].failures[0].digest
+    again = subprocess.run(
+        [*program, "replay", "--trust", str(found.failures[0].folder)],
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (again.returncode, again.stdout.splitlines()[-1]) == (0, "digest equal"), again.stderr
 
 
 def test_the_page_of_a_search_has_every_failure_with_its_film_its_runs_and_the_yield(done, tmp_path):
@@ -226,6 +271,17 @@ def test_what_cannot_have_come_about_is_not_driven():
     assert why(100.0) == "102 has no way left"
 
 
+def test_a_vehicle_that_crosses_too_closely_to_be_avoided_by_either_is_not_plausible():
+    def crossing(gap):
+        cars = [Car(AGENT, 100.0, velocity=12.0), Car(LEADER, 100.0 + gap, -gap, 12.0, np.pi / 2.0)]
+        return world(straight_road(400.0, lane_width=60.0), cars=cars, steps=30)
+
+    far, near = crossing(28.0), crossing(12.0)
+    assert implausible(far, near, {LEADER}) == "102 and 101 touch, whichever brakes with 4 m/s² at the start"
+    assert implausible(near, near, {LEADER}) == "", "as recorded"
+    assert implausible(far, crossing(26.0), {LEADER}) == "", "one can still brake for the other"
+
+
 def test_drivers_of_others_are_drawn_from_their_population_and_rare_ones_are_not_driven():
     (pair, _) = pairs(scenario(), "leader.xml", 4)
     space = Space()
@@ -298,6 +354,7 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         ('driver = ["mood"]', "driver: drivers do not differ in mood"),
         ("quantiles = [0.1, 1.0]", "quantiles: must be below 1, is 1"),
         ('drivers = "homes"', "did you mean house?"),
+        ("error_time = [-1.0, 1.0]", "error_time: must not be negative, is -1"),
         ("occlusion = -0.5", "occlusion: must be from 0 to 1, is -0.5"),
         ("=", "not a TOML file"),
     ],

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 _RECOVERY = 2.0
 #: A follower may have to brake so hard for the vehicle ahead at its start [m/s²]; sideways distance of followers [m].
 _BRAKING_MAX, _LANE = 4.0, 2.0
-#: Pairs farther apart than this are not looked at [m].
-_REACH = 80.0
+#: Pairs farther apart than this are not looked at [m]; for so long they are thought to drive straight on [s].
+_REACH, _STRAIGHT = 80.0, 3.0
 
 State = dict[str, float]
 
@@ -130,8 +130,8 @@ def _drift(state: State, error: Error, elapsed: float) -> None:
 def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
     """Why a disturbed world cannot have come about; "" if it can.
 
-    A vehicle is off the road at its start, or it overlaps or has to brake hard for another one then, where this is not
-    so in the recording.
+    A vehicle is off the road at its start; or, where this is not so in the recording, it overlaps another one then, one
+    of both has to brake hard, or they touch straight on whichever brakes.
     """
     before, after = original.obstacles, changed.obstacles
     for who in sorted(moved):
@@ -152,10 +152,13 @@ def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
             recorded = max(_braking(before, row, other, first), _braking(before, other, row, first))
             if worst > _BRAKING_MAX >= recorded:
                 return f"{who} or {number} has to brake with {worst:.1f} m/s² at the start"
+            if _is_too_late(after, row, other, first) and not _is_too_late(before, row, other, first):
+                return f"{who} and {number} touch, whichever brakes with {_BRAKING_MAX:g} m/s² at the start"
     return ""
 
 
 def _corners(obstacles: Obstacles, row: int, column: int) -> Floats:
+    """Corners of a footprint about its centre, in their order, shape (4, 2)."""
     shape = obstacles.shapes[row]
     length, width = (shape.length or 2.0 * shape.radius), (shape.width or 2.0 * shape.radius)
     if len(shape.vertices):
@@ -163,21 +166,53 @@ def _corners(obstacles: Obstacles, row: int, column: int) -> Floats:
     heading = obstacles.orientation[row, column]
     along = 0.5 * length * np.array([math.cos(heading), math.sin(heading)])
     across = 0.5 * width * np.array([-math.sin(heading), math.cos(heading)])
-    middle = np.array([obstacles.x[row, column], obstacles.y[row, column]])
-    corners: Floats = middle + np.array([along + across, along - across, -along - across, -along + across])
+    corners: Floats = np.array([along + across, along - across, -along - across, -along + across])
     return corners
 
 
+def _centre(obstacles: Obstacles, row: int, column: int) -> Floats:
+    return np.array([obstacles.x[row, column], obstacles.y[row, column]], dtype=np.float64)
+
+
 def _overlap(obstacles: Obstacles, row: int, other: int, column: int) -> bool:
-    """Whether two rectangles overlap: no side of either separates them."""
+    """Whether two rectangles overlap at a time step."""
     if not (obstacles.valid[row, column] and obstacles.valid[other, column]):
         return False
-    a, b = _corners(obstacles, row, column), _corners(obstacles, other, column)
-    for side in (a[0] - a[1], a[1] - a[2], b[0] - b[1], b[1] - b[2]):
-        first, second = a @ side, b @ side
-        if first.max() < second.min() or second.max() < first.min():
-            return False
-    return True
+    apart = _centre(obstacles, other, column) - _centre(obstacles, row, column)
+    return _touches(_corners(obstacles, row, column), _corners(obstacles, other, column), apart[None])
+
+
+def _is_too_late(obstacles: Obstacles, row: int, other: int, column: int) -> bool:
+    """Whether two vehicles that drive straight on touch, whichever of them brakes as hard as a follower may have to."""
+    if not (obstacles.valid[row, column] and obstacles.valid[other, column]):
+        return False
+    bodies = _corners(obstacles, row, column), _corners(obstacles, other, column)
+    centres = _centre(obstacles, row, column), _centre(obstacles, other, column)
+    free, braked = (
+        [_way(obstacles, number, column, braking) for number in (row, other)] for braking in (0.0, _BRAKING_MAX)
+    )
+    apart = centres[1] - centres[0]
+    return _touches(*bodies, apart + free[1] - braked[0]) and _touches(*bodies, apart + braked[1] - free[0])
+
+
+def _way(obstacles: Obstacles, row: int, column: int, braking: float) -> Floats:
+    """How far a vehicle gets straight on, shape (times, 2) [m]."""
+    time = np.arange(0.0, _STRAIGHT, 0.1)
+    speed, heading = max(float(obstacles.velocity[row, column]), 0.0), obstacles.orientation[row, column]
+    moving = time if braking == 0.0 else np.minimum(time, speed / braking)
+    way: Floats = (speed * moving - 0.5 * braking * moving**2)[:, None] * np.array(
+        [math.cos(heading), math.sin(heading)]
+    )
+    return way
+
+
+def _touches(body: Floats, other: Floats, apart: Floats) -> bool:
+    """Whether two rectangles overlap at one of some displacements: no side of either separates them."""
+    overlaps = np.ones(len(apart), dtype=np.bool_)
+    for side in (body[0] - body[1], body[1] - body[2], other[0] - other[1], other[1] - other[2]):
+        first, second, shift = body @ side, other @ side, apart @ side
+        overlaps &= (first.max() >= second.min() + shift) & (second.max() + shift >= first.min())
+    return bool(overlaps.any())
 
 
 def _braking(obstacles: Obstacles, follower: int, leader: int, column: int) -> float:

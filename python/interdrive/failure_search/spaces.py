@@ -54,6 +54,7 @@ class Space:
         quantiles: Bounds of the quantiles of the population that are drawn.
         errors: Errors of which at most one vehicle makes one, keys of `ERRORS`.
         error_share: Share of the runs in which one does.
+        error_time: When it brakes or drifts, from its first state on [s].
         sight: Radius within which the agent sees [m].
         occlusion: Share of the runs in which it does not see through vehicles and buildings.
         others: Number of vehicles that are disturbed: those that come nearest to the agent.
@@ -66,6 +67,7 @@ class Space:
     quantiles: tuple[float, float] = (0.01, 0.99)
     errors: tuple[str, ...] = ("brakes", "drifts", "inattentive", "disobeys")
     error_share: float = 0.75
+    error_time: Annotated[tuple[float, float], "s"] = (0.0, 8.0)
     sight: Annotated[tuple[float, float], "m"] = (30.0, 80.0)
     occlusion: float = 0.25
     others: int = 4
@@ -77,12 +79,15 @@ class Space:
             "start_speed": self.start_speed,
             "sight": self.sight,
             "quantiles": self.quantiles,
+            "error_time": self.error_time,
         }
         for name, (low, high) in bounds.items():
             if not low <= high:
                 raise InputError(name, f"the lower bound {low:g} is above the upper one {high:g}")
-            if name != "start_time" and not low > 0.0:
+            if name not in ("start_time", "error_time") and not low > 0.0:
                 raise InputError(name, f"must be positive, is {low:g}")
+        if not self.error_time[0] >= 0.0:
+            raise InputError("error_time", f"must not be negative, is {self.error_time[0]:g}")
         if not self.quantiles[1] < 1.0:
             raise InputError("quantiles", f"must be below 1, is {self.quantiles[1]:g}")
         for name in self.errors:
@@ -271,14 +276,15 @@ def _ellipse(n: int) -> float:
 def _error(space: Space, pair: Pair, at: dict[str, float]) -> Error | None:
     if not (at["error"] < space.error_share and space.errors):
         return None
-    kinds, when, size = len(space.errors), at["error_time"], at["error_size"]
+    kinds, size = len(space.errors), at["error_size"]
+    when = space.error_time[0] + (space.error_time[1] - space.error_time[0]) * at["error_time"]
     kind = space.errors[min(int(at["error"] / space.error_share * kinds), kinds - 1)]
     whom = pair.others[min(int(at["error_by"] * len(pair.others)), len(pair.others) - 1)]
     if kind == "brakes":
-        return Error(kind, whom, 4.0 * when, 4.0 + 2.0 * size, 0.5 + 1.5 * size)
+        return Error(kind, whom, when, 4.0 + 2.0 * size, 0.5 + 1.5 * size)
     if kind == "drifts":
         side = 1.0 if size >= 0.5 else -1.0
-        return Error(kind, whom, 4.0 * when, side * (0.3 + 0.7 * abs(2.0 * size - 1.0)), 2.0)
+        return Error(kind, whom, when, side * (0.3 + 0.7 * abs(2.0 * size - 1.0)), 2.0)
     return Error(kind, whom, 0.0, 0.0, 0.0)
 
 
