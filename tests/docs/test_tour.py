@@ -17,6 +17,7 @@ from PIL import Image
 import interdrive as idr
 from interdrive.batch_report import is_batch
 from interdrive.cli import main
+from interdrive.failure_search import is_search
 from interdrive.results import holds_run
 
 pytestmark = pytest.mark.long
@@ -117,7 +118,10 @@ def test_every_command_leaves_what_it_is_told_to_make(console):
     assert {path for path in made if is_batch(folder / path)} == {Path("out/batch")}
     assert (folder / "out" / "velocity.pdf").read_bytes().startswith(b"%PDF")
     assert (folder / "out" / "predictions" / "measures.parquet").is_file()
-    assert made - runs == {Path("out/batch"), Path("out/velocity.pdf"), Path("out/predictions")}
+    assert is_search(folder / "out" / "search")
+    assert (folder / "out" / "search" / "report.html").is_file()
+    others = {Path("out") / name for name in ("batch", "velocity.pdf", "predictions", "search")}
+    assert made - runs == others
     assert [text[:6] for command, text in said.items() if command.startswith("interdrive verify")] == ["equal:"] * 2
 
 

@@ -91,7 +91,7 @@ def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: i
 
 
 def _say_how_many(say_so: Callable[[str], None], runs: int | None, done: int, failures: int) -> None:
-    say_so(f"{done}{'' if runs is None else f' of {runs}'} runs, {failures} failures")
+    say_so(f"{done}{'' if runs is None else f' of {runs}'} runs, failures: {failures}")
 
 
 @search.command()
@@ -126,9 +126,10 @@ def compare(folders: tuple[str, ...]) -> None:
 def suite(folder: str, out: str) -> None:
     """Collect the failures of the search in folder DIR in a regression suite."""
     from interdrive.failure_search.failures import collect  # noqa: PLC0415 - numpy
+    from interdrive.run.reasons import said_count  # noqa: PLC0415
 
     copied = collect(folder, Path(out))
-    say(f"{len(copied)} failures in {shown(Path(out).resolve())}")
+    say(f"{said_count(len(copied), 'failure')} in {shown(Path(out).resolve())}")
 
 
 @search.command()

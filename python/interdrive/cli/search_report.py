@@ -11,6 +11,7 @@ from interdrive.cli.report import output, print_table, table_of
 from interdrive.cli.terminal import say
 from interdrive.failure_search import HEAD
 from interdrive.failure_search.rates import YIELD_HEAD
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,9 @@ def print_found(found: Found, out: Path) -> None:
         table.add_row(*part.cells())
     print_table(output(), table, names=1)
     share, low, high = (100.0 * value for value in found.rate)
+    n_avoidable = sum(bool(one.witness) for one in found.failures)
     say(
-        f"{len(found.failures)} failures kept, {sum(bool(one.witness) for one in found.failures)} of them avoidable; "
+        f"{said_count(len(found.failures), 'failure')} kept, {n_avoidable} of them avoidable; "
         f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail: {share:.2f} % ({low:.2f} to {high:.2f})"
     )
     say(f"search in {shown(out.resolve())}")

@@ -37,8 +37,8 @@ _PAIRS_MIN = 6
 _CRITICAL_SHARE, _STEP = 0.1, 0.15
 #: Share of the coordinates of a neighbour that differ, and of those that choose among kinds.
 _MOVED, _CHOSEN_ANEW = 0.5, 0.1
-#: Failures of one signature that are kept; its points are then no longer what neighbours are taken of.
-CLOSED_AFTER = 3
+#: So many failures of one signature are kept; after so many its points are no longer what neighbours are taken of.
+KEPT_MAX, _CLOSED_AFTER = 3, 10
 #: Apart from the numbers of the runs, for the order of the pairs in the first round.
 _ORDER = 2**32
 
@@ -140,7 +140,7 @@ class Allocation:
         failed: dict[str, int] = {}
         for row in rows:
             failed[row["signature"]] = failed.get(row["signature"], 0) + bool(row["signature"])
-        open_rows = [row for row in rows if row["criticality"] is not None and failed[row["signature"]] < CLOSED_AFTER]
+        open_rows = [row for row in rows if row["criticality"] is not None and failed[row["signature"]] < _CLOSED_AFTER]
         open_rows.sort(key=lambda row: (row["criticality"], row["index"]))
         least: dict[int, float] = {}
         for row in open_rows:

@@ -18,6 +18,8 @@ from interdrive.scoring.settings import ScoringSettings
 from interdrive.simulation import Simulation
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from interdrive.failure_search.spaces import Disturbance
     from interdrive.runs import Run
     from interdrive.scenario import Scenario
@@ -190,15 +192,20 @@ def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
 
 def witness(scenario: Scenario, drive: Drive) -> tuple[str, Run | None]:
     """The first of `WITNESSES` that ends without a collision and without failure in the agent's place, and its run."""
-    for planner in WITNESSES:
-        other = drive.by(planner)
+    planner = avoided_by(scenario, drive)
+    return planner, drive.by(planner).run(scenario) if planner else None
+
+
+def avoided_by(scenario: Scenario, drive: Drive, planners: Sequence[str] = WITNESSES) -> str:
+    """The first of some planners that ends without a collision and without failure in the agent's place; "": none."""
+    for planner in planners:
         try:
-            found = other.judged(scenario)
+            found = drive.by(planner).judged(scenario)
         except InputError:
             continue
         if not found.failure and found.outcome != "collision":
-            return planner, other.run(scenario)
-    return "", None
+            return planner
+    return ""
 
 
 def require_text(planner: object) -> str:

@@ -18,6 +18,7 @@ from interdrive.plots import save_figure
 from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, RECORDED, add_legend, empty_figure, plain
 from interdrive.report import write_run_report
 from interdrive.report.page import page_path, write_page
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -132,7 +133,7 @@ def _page(found: Summary, figure: Figure, links: Sequence[Sequence[tuple[str, Pa
     rate = f"{share} % ({within})" if share else "an unknown share"
     failing = f" Without any disturbance fail {', '.join(found.undisturbed)}." if found.undisturbed else ""
     about = (
-        f"{len(found.rows)} runs; {len(found.failures)} failures kept, "
+        f"{len(found.rows)} runs; {said_count(len(found.failures), 'failure')} kept, "
         f"{sum(bool(one.witness) for one in found.failures)} of them avoidable. Of the uniform runs {rate} fail, with "
         f"the 95 % interval of Clopper and Pearson.{html.escape(failing)}"
     )

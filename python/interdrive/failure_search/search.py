@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from interdrive import _core
 from interdrive.batches.pool import End, Pool, Task
 from interdrive.errors import InputError, InterdriveError
-from interdrive.failure_search.allocation import CLOSED_AFTER, METHODS, Allocation
+from interdrive.failure_search.allocation import KEPT_MAX, METHODS, Allocation
 from interdrive.failure_search.disturbed_worlds import disturbed
 from interdrive.failure_search.evaluation import judged, require_text, witness
 from interdrive.failure_search.failures import Failure, begin, failures, finish, give_up
@@ -266,7 +266,7 @@ class _Search:
     def is_to_be_kept(self, row: Mapping[str, Any]) -> bool:
         """Whether a failure is new: few of its signature came before it, and none that is equal. Rows come in order."""
         name = row["signature"]
-        if not name or self._attempts[name] >= CLOSED_AFTER or row["digest"] in self._digests:
+        if not name or self._attempts[name] >= KEPT_MAX or row["digest"] in self._digests:
             return False
         self._attempts[name] += 1
         self._digests.add(row["digest"])

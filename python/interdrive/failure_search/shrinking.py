@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
 
 #: Steps of the bisection of a coordinate.
-_STEPS = 4
+_STEPS = 8
 
 
 def shrunk(point: Floats, neutral: Floats, still_fails: Callable[[Floats], bool]) -> Floats:

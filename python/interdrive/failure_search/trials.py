@@ -9,7 +9,7 @@ import numpy as np
 
 from interdrive.errors import InputError, InterdriveError
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
-from interdrive.failure_search.evaluation import drive_of, in_disturbed
+from interdrive.failure_search.evaluation import avoided_by, drive_of, in_disturbed
 from interdrive.failure_search.pairs import scenario_at
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import disturbance, undisturbed
@@ -98,25 +98,47 @@ def _driven(trial: Trial) -> Driven:
 
 
 def _shrunk(trial: Trial) -> Driven:
+    """The smallest disturbance under which the agent fails in the same way, avoided by whoever avoids the first one."""
     setup, pair = trial.setup, trial.pair
+    avoiding = ""
 
-    def still_fails(point: Floats) -> bool:
-        found = judged_at(setup, pair, point)
-        return found is not None and signature(pair, found) == trial.signature
+    def still_fails(point: Sequence[float] | Floats) -> bool:
+        world = _world(setup, pair, point)
+        if world is None:
+            return False
+        scenario, way = world
+        found = _judged(scenario, way)
+        if found is None or signature(pair, found) != trial.signature:
+            return False
+        return not avoiding or bool(avoided_by(scenario, way, (avoiding,)))
 
-    small = shrunk(np.array(trial.failing), undisturbed(setup.space), still_fails)
+    first = np.array(trial.failing)
+    world = _world(setup, pair, first)
+    if world is not None:
+        avoiding = avoided_by(*world)
+    small = shrunk(first, undisturbed(setup.space), still_fails)
     return Driven(tuple(small.tolist()), 1, judged_at(setup, pair, small))
 
 
 def judged_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> Judged | None:
     """What happens in the world of a point; None if it is not plausible."""
+    world = _world(setup, pair, point)
+    return None if world is None else _judged(*world)
+
+
+def _world(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> tuple[Scenario, Drive] | None:
+    """The world of a point and who drives in it; None if it is not plausible."""
     change = change_at(setup, pair, point)
     original = scenario_at(pair.path)
     scenario = disturbed(original, change)
     if change.rare is not None or implausible(original, scenario, moved_by(change)):
         return None
+    return scenario, drive_at(setup, pair, change, scenario)
+
+
+def _judged(scenario: Scenario, way: Drive) -> Judged | None:
     try:
-        return drive_at(setup, pair, change, scenario).judged(scenario)
+        return way.judged(scenario)
     except InputError:  # a vehicle has no route from its new start
         return None
 

@@ -1,0 +1,168 @@
+"""Failure search on planners with planted faults, and the table of searches that were done with the command.
+
+python benchmarks/failures [--planners Late,...] [--runs 300] [--seeds 5] [--workers 1] [--out DIR] [--page PAGE]
+python benchmarks/failures --searches DIR ... [--page PAGE]
+
+Without --searches, every planted planner of planted.py is searched on t_junction with each seed; printed are the rates
+of uniform and directed runs and their ratio, when the first failure was found, and the overhead beside the same runs by
+`interdrive.simulate`. With --searches, the rows of `interdrive search compare`, and the failures of each. Folders that
+hold a search already are not driven again. --page writes the tables into a page, below the headings with their names.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import statistics
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))  # of worker processes, too
+
+import interdrive as idr
+from interdrive.failure_search import HEAD, Summary
+
+FAULTS = ("BlindRight", "Late", "Standing", "Sound")
+SCENARIO = "t_junction"
+
+
+def planted(names: list[str], runs: int, seeds: int, workers: int, out: Path) -> list[list[str]]:
+    """A row for every planner with a planted fault: medians and totals over the seeds."""
+    rows = []
+    for name in names:
+        found = []
+        for seed in range(seeds):
+            folder = out / f"{name}-{seed}"
+            idr.search(SCENARIO, f"planted:{name}", runs=runs, seed=seed, out=folder, workers=workers)
+            found.append(Summary.of(folder))
+            print(f"{name} seed {seed}: {found[-1].cells()}", file=sys.stderr, flush=True)
+        rows.append(row_of(name, found))
+    return rows
+
+
+def row_of(name: str, found: list[Summary]) -> list[str]:
+    """The cells of a planner."""
+    uniform = [one.yields[0] for one in found]
+    directed = [one.yields[-1] for one in found]
+    failed, driven = sum(one.failures for one in uniform), sum(one.runs for one in uniform)
+    share = failed / driven
+    # A seed without a uniform failure has no ratio of its own; the rate of all seeds is what uniform runs bring.
+    ratios = [one.rate[0] / share if share else math.inf if one.failures else math.nan for one in directed]
+    first = [next((row["index"] + 1 for row in one.rows if row["folder"]), 0) for one in found]
+    kinds = sorted({failure.failure for one in found for failure in one.failures})
+    directed_failed, directed_runs = sum(one.failures for one in directed), sum(one.runs for one in directed)
+    return [
+        name,
+        f"{failed} of {driven}",
+        f"{100.0 * share:.2f}",
+        f"{directed_failed} of {directed_runs}",
+        f"{100.0 * directed_failed / directed_runs:.2f}",
+        f"{statistics.median(ratios):.1f}" if not math.isnan(statistics.median(ratios)) else "",
+        f"{sum(n > 0 for n in first)} of {len(found)}",
+        f"{max(first)}" if all(first) else "",
+        ", ".join(kinds),
+    ]
+
+
+def overhead(out: Path, runs: int) -> str:
+    """Time of a search beside the time of its runs by `simulate`, on one process."""
+    from interdrive.failure_search.disturbed_worlds import disturbed
+    from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
+    from interdrive.failure_search.spaces import Space
+    from interdrive.failure_search.trials import Drivers, Setup, change_at, drive_at
+
+    folder = out / "overhead"
+    idr.search(SCENARIO, "idm", runs=1, out=folder, seed=1)  # what is imported and read once
+    begin = time.process_time()
+    idr.search(SCENARIO, "idm", runs=1 + runs, out=folder, seed=1)
+    searched = time.process_time() - begin
+    space = Space()
+    pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
+    setup = Setup(Drivers("idm", "idm", "lane_following"), space, 1)
+    rows = Summary.of(folder).rows[1:]
+    begin = time.process_time()
+    for row in rows:
+        pair = pairs[row["pair"]]
+        change = change_at(setup, pair, row["point"])
+        scenario = disturbed(scenario_at(pair.path), change)
+        drive_at(setup, pair, change, scenario).run(scenario)
+    driven = time.process_time() - begin
+    draws = sum(row["draws"] for row in rows) / len(rows)
+    return (
+        f"{len(rows)} runs of `idm` on `{SCENARIO}`: {1e3 * searched / len(rows):.0f} ms of processor time per run in "
+        f"the search, {1e3 * driven / len(rows):.0f} ms in `simulate` ({draws:.2f} draws per run)."
+    )
+
+
+def searches(folders: list[str]) -> tuple[list[list[str]], list[list[str]]]:
+    """The rows of `interdrive search compare`, and one for every failure."""
+    found = [Summary.of(folder) for folder in folders]
+    rows = [list(one.cells())[1:] for one in found]
+    failures = [
+        [
+            f"`{one.planner}`",
+            failure.signature.split()[0],
+            str(failure.drive.agent_id),
+            failure.failure,
+            failure.words.removeprefix("at fault: "),
+            failure.disturbance,
+            f"`{failure.witness}`" if failure.witness else "unproven",
+        ]
+        for one in found
+        for failure in one.failures
+    ]
+    return rows, failures
+
+
+def table(head: tuple[str, ...], rows: list[list[str]]) -> str:
+    """A table in Markdown."""
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def written(page: Path, section: str, text: str) -> None:
+    """Puts a text between the marks of a section of a page."""
+    begin, end = f"<!-- {section}: written by benchmarks/failures -->", f"<!-- end of {section} -->"
+    old = page.read_text(encoding="utf-8")
+    new, n = re.subn(
+        f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: f"{begin}\n{text}\n{end}", old, flags=re.DOTALL
+    )
+    if n != 1:
+        sys.exit(f"{page}: there is no {begin}")
+    page.write_text(new, encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--planners", default=",".join(FAULTS))
+    parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("out/failures"))
+    parser.add_argument("--searches", nargs="+")
+    parser.add_argument("--page", type=Path)
+    given = parser.parse_args()
+    parts: dict[str, str] = {}
+    if given.searches:
+        rows, failures = searches(given.searches)
+        parts["shipped planners"] = table(HEAD[1:], rows)
+        head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
+        parts["their failures"] = table(head, failures) if failures else "None."
+    else:
+        head = (
+            *("planted", "uniform fail", "[%]", "directed fail", "[%]", "times uniform (median)"),
+            *("found in", "at the latest in run", "kinds"),
+        )
+        rows = planted(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
+        parts["planted faults"] = table(head, rows)
+        parts["overhead"] = overhead(given.out, 60)
+    for name, text in parts.items():
+        print(f"{name}\n\n{text}\n")
+        if given.page is not None:
+            written(given.page, name, text)
+
+
+if __name__ == "__main__":
+    main()
