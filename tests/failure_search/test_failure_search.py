@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from interdrive.failure_search import HEAD, Space, Summary, check_failure, compa
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
+from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
 from interdrive.testing import Car, straight_road, world
@@ -100,6 +102,7 @@ def test_a_failure_is_repeated_to_the_bit_and_its_file_is_an_ordinary_scenario(d
         replay(one)
     run, is_equal = replay(one, trust=True)
     assert is_equal
+    assert one.replay(trust=True).digest == one.digest
     assert run.digest == one.digest
     assert invoked("replay", one.folder, "--trust")[0] == 0
     moved = tmp_path / "moved"
@@ -325,6 +328,10 @@ def test_shrinking_leaves_only_what_is_needed():
         ({"method": "cma"}, "method: must be one of levels, uniform, not 'cma'"),
         ({"planner": "idmm"}, "idmm"),
         ({"traffic": "recorded", "space": Space(driver=("time_gap",))}, "traffic recorded has no time_gap to draw"),
+        (
+            {"traffic": "recorded", "space": Space(errors=("disobeys",))},
+            "errors: disobeys means nothing to traffic that",
+        ),
     ],
 )
 def test_what_cannot_be_searched_is_refused(file, tmp_path, change, words):
@@ -336,6 +343,14 @@ def test_what_cannot_be_searched_is_refused(file, tmp_path, change, words):
 def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
     with pytest.raises(InputError, match=r"holds another search \(seed differ\)"):
         searched(file, done[1], seed=1)
+    with (
+        closing(SearchFolder(tmp_path / "busy", {"planner": BLIND})),
+        pytest.raises(ResultsError, match="another process is searching there"),
+    ):
+        SearchFolder(tmp_path / "busy", {"planner": BLIND})
+    assert not any((tmp_path / "busy").iterdir())
+    tmp_path = tmp_path / "other"
+    tmp_path.mkdir()
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match="is no search, and not empty"):
         searched(file, tmp_path)
@@ -365,6 +380,12 @@ def test_a_file_that_says_no_space_is_refused_in_one_line(tmp_path, text, words)
     code, said = invoked("t_junction", "--planner", "idm", "--space", path, "--out", tmp_path / "out")
     assert code == 2
     assert words in said
+
+
+def test_traffic_that_replays_makes_no_errors_of_drivers():
+    space = Space().with_traffic("recorded")
+    assert (space.errors, space.driver) == (("brakes", "drifts"), ())
+    assert Space().with_traffic("idm") == Space()
 
 
 def test_one_line_makes_a_test_case_of_a_failure(done):

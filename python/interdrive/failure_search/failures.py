@@ -64,6 +64,18 @@ class Failure:
     def __str__(self) -> str:
         return self.folder.name
 
+    def replay(self, *, trust: bool = False) -> Run:
+        """The run once more; `interdrive.failure_search.replay` says whether it has the same bits, too.
+
+        Args:
+            trust: Import planners that the failure names as module:object.
+
+        Raises:
+            InputError: It names code and is not trusted.
+            ResultsError: The folder is damaged.
+        """
+        return replay(self, trust=trust)[0]
+
     def check(self, planner: str) -> None:
         """A test case in one line: a planner must not fail in the agent's place.
 

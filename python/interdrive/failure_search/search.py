@@ -100,7 +100,7 @@ def search(
 
     Raises:
         InputError: An argument cannot be used, no agent has a vehicle near, or the folder holds another search.
-        ResultsError: The folder is damaged or cannot be written.
+        ResultsError: The folder is damaged or cannot be written, or another process is searching there.
         MissingExtraError: Ray is not installed.
     """
     if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -126,8 +126,8 @@ def search(
         "coordinates": list(chosen.coordinates),
         "version": _core.__version__,
     }
-    with closing(_backend(workers, ray)) as backend:
-        work = _Search(SearchFolder(Path(out), what), found, setup, method, backend)
+    with closing(SearchFolder(Path(out), what)) as folder, closing(_backend(workers, ray)) as backend:
+        work = _Search(folder, found, setup, method, backend)
         work.run(limits, on_run)
     return work.found(left_out)
 

@@ -10,6 +10,7 @@ from interdrive.errors import InputError, ResultsError
 from interdrive.failure_search.allocation import SOURCES
 from interdrive.run import OUTCOMES
 from interdrive.storage import Column, Origin, arrow_table, replacing, write_table
+from interdrive.storage.locks import Locks
 from interdrive.storage.reading import read_json
 from interdrive.storage.writing import json_text
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 _FILE, _LOG, _TABLE = "search.json", "evaluations.jsonl", "evaluations.parquet"
+#: File whose lock says that a process is searching.
+_CLAIM = ".claim"
 
 #: Columns of evaluations.parquet.
 EVALUATION_COLUMNS = (
@@ -53,10 +56,12 @@ class SearchFolder:
 
         Raises:
             InputError: It holds something else.
-            ResultsError: It is damaged.
+            ResultsError: It is damaged, or another process is searching there.
         """
         self.path, self._what = path, dict(what)
+        self._locks: Locks | None = None
         self.undisturbed: list[tuple[str, int, str]] | None = self._opened()
+        self._claim()
         self.rows: list[dict[str, Any]] = []
         if (path / _LOG).exists():
             self.rows = logged(path)
@@ -67,7 +72,7 @@ class SearchFolder:
         """How pairs ended undisturbed, if the folder holds the same search; None if it holds none yet."""
         path = self.path / _FILE
         if not path.exists():
-            if self.path.exists() and any(self.path.iterdir()):
+            if self.path.exists() and any(one.name != _CLAIM for one in self.path.iterdir()):
                 raise InputError(f"{self.path}: is no search, and not empty")
             self.path.mkdir(parents=True, exist_ok=True)
             return None
@@ -76,6 +81,21 @@ class SearchFolder:
         if other:
             raise InputError(f"{self.path}: holds another search ({', '.join(other)} differ); choose another --out")
         return [(str(scenario), int(agent), str(how)) for scenario, agent, how in stored["undisturbed"]]
+
+    def _claim(self) -> None:
+        try:
+            self._locks = Locks(self.path / _CLAIM)
+            is_free = self._locks.take(0, wait=False)
+        except OSError:  # a file system without locks
+            return
+        if not is_free:
+            raise ResultsError(f"{self.path}: another process is searching there; wait for it, or choose another --out")
+
+    def close(self) -> None:
+        """Lets other processes go on with it."""
+        if self._locks is not None:
+            (self.path / _CLAIM).unlink(missing_ok=True)
+            self._locks.close()
 
     def describe(self, undisturbed: Sequence[tuple[str, int, str]]) -> None:
         """Writes what is searched, and how pairs (scenario, agent) ended undisturbed."""

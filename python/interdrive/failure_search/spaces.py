@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +28,8 @@ ERRORS = {
     "inattentive": "it replays its recording and does not react",
     "disobeys": "it keeps no rules of the road",
 }
+#: Those of them that only a vehicle makes which is driven by a planner otherwise.
+_OF_DRIVERS = ("inattentive", "disobeys")
 #: The traffic of a search that replays its recordings.
 RECORDED = "recorded"
 
@@ -130,11 +132,16 @@ class Space:
         return (*(f"{name}.{place}" for place in range(self.others) for name in own), *_OF_ERROR, *_OF_SIGHT)
 
     def with_traffic(self, traffic: str) -> Space:
-        """The same without draws of drivers where the traffic has none.
+        """The same without draws of drivers, and without errors of drivers, where the traffic has none.
 
         Raises:
-            InputError: The space asks for such draws.
+            InputError: The space asks for them.
         """
+        if traffic == RECORDED and set(self.errors) & set(_OF_DRIVERS):
+            if self.errors != Space.errors:
+                named = next(name for name in self.errors if name in _OF_DRIVERS)
+                raise InputError("errors", f"{named} means nothing to traffic that replays its recording")
+            return replace(self, errors=tuple(n for n in self.errors if n not in _OF_DRIVERS)).with_traffic(traffic)
         known = SETTINGS.get(traffic.partition(",")[0], {})
         able = tuple(name for name in self.driver if name in known)
         if able == self.driver:
@@ -143,7 +150,7 @@ class Space:
         if self.driver != Space.driver:
             missing = ", ".join(name for name in self.driver if name not in known)
             raise InputError("driver", f"traffic {traffic} has no {missing} to draw")
-        return bind(self, {"driver": able})
+        return replace(self, driver=able)
 
 
 @dataclass(frozen=True)
