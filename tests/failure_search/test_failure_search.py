@@ -338,6 +338,7 @@ def test_what_cannot_be_searched_is_refused(file, tmp_path, change, words):
     with pytest.raises(InputError) as refused:
         searched(file, tmp_path / "out", **change)
     assert words in str(refused.value)
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
@@ -348,7 +349,7 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         pytest.raises(ResultsError, match="another process is searching there"),
     ):
         SearchFolder(tmp_path / "busy", {"planner": BLIND})
-    assert not any((tmp_path / "busy").iterdir())
+    assert not (tmp_path / "busy").exists(), "nothing was searched"
     tmp_path = tmp_path / "other"
     tmp_path.mkdir()
     (tmp_path / "notes.txt").write_text("mine")

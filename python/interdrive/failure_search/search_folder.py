@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,10 +93,13 @@ class SearchFolder:
             raise ResultsError(f"{self.path}: another process is searching there; wait for it, or choose another --out")
 
     def close(self) -> None:
-        """Lets other processes go on with it."""
+        """Lets other processes go on with it; a folder in which nothing was searched is removed."""
         if self._locks is not None:
             (self.path / _CLAIM).unlink(missing_ok=True)
             self._locks.close()
+        if self.undisturbed is None:
+            with suppress(OSError):
+                self.path.rmdir()
 
     def describe(self, undisturbed: Sequence[tuple[str, int, str]]) -> None:
         """Writes what is searched, and how pairs (scenario, agent) ended undisturbed."""
