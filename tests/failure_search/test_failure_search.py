@@ -226,6 +226,31 @@ def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path):
     assert [one.digest for one in failures(tmp_path / "two")] == [one.digest for one in done[0].failures]
 
 
+DEADLY = """
+import os
+from drivers import Straight
+
+class Deadly(Straight):
+    def plan(self, view, predictions):
+        if len(view.ids) and view.velocity[0, -1] < 11.0:
+            os._exit(3)
+        return super().plan(view, predictions)
+"""
+
+
+def test_a_run_that_ends_its_process_is_a_row_and_the_search_goes_on(done, file, tmp_path, monkeypatch):
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    told = pq.read_table(done[1] / "evaluations.parquet").to_pydict()
+    first = next(index for index, text in enumerate(told["disturbance"]) if "brakes" in text)
+    found = searched(file, tmp_path / "out", planner="deadly:Deadly", workers=2, runs=first + 1)
+    assert found.runs == first + 1
+    rows = pq.read_table(tmp_path / "out" / "evaluations.parquet").to_pydict()
+    assert rows["outcome"][first] is None
+    assert rows["disturbance"][first] == "leader, agent 101: a run is lost: its process ended (exit code 3)"
+    assert rows["digest"][:first] == told["digest"][:first]
+
+
 def test_a_search_ends_after_its_time_and_after_so_many_failures(done, file, tmp_path):
     assert searched(file, tmp_path / "short", runs=None, minutes=1e-9).runs == 0
     found = searched(file, tmp_path / "one", stop_after=1)
@@ -325,6 +350,7 @@ def test_shrinking_leaves_only_what_is_needed():
         ({"runs": 0}, "runs: must be positive, is 0"),
         ({"minutes": -1.0}, "minutes: must be positive, is -1.0"),
         ({"workers": 0}, "workers: must be positive, is 0"),
+        ({"run_timeout": 0.0}, "run_timeout: must be positive, is 0.0"),
         ({"method": "cma"}, "method: must be one of levels, uniform, not 'cma'"),
         ({"planner": "idmm"}, "idmm"),
         ({"traffic": "recorded", "space": Space(driver=("time_gap",))}, "traffic recorded has no time_gap to draw"),

@@ -58,6 +58,7 @@ def search() -> None:
     help="Drive what is near a failure more often, or all alike (levels).",
 )
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (one per core).")
+@click.option("--run-timeout", metavar="S", type=float, default=math.inf, help="A run may take this long (for ever).")
 @click.option("--ray", metavar="[ADDRESS]", is_flag=False, flag_value="auto", help="Use a Ray cluster (auto).")
 def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: int | None, **options: Any) -> None:  # noqa: ANN401 - of click
     """Search. Exit code 0, whether or not it finds something; Ctrl-C keeps what was found."""

@@ -73,6 +73,7 @@ def search(
     method: Method = "levels",
     workers: int = 1,
     ray: str | None = None,
+    run_timeout: float = math.inf,
     on_run: Callable[[int, int], None] | None = None,
 ) -> Found:
     """Searches disturbances of recordings under which a planner fails by its own fault.
@@ -96,6 +97,8 @@ def search(
         workers: Processes that drive. With more than one, scripts need `if __name__ == "__main__":`.
         ray: Address of a Ray cluster that drives instead ("auto": the cluster of this machine), whose nodes see the
             files under the same paths.
+        run_timeout: A run, or making a failure small, that takes longer is lost [s]: its process is ended, and its row
+            says so. inf: they may take as long as they like.
         on_run: Called with the number of runs and of failures until now.
 
     Raises:
@@ -109,8 +112,9 @@ def search(
     limits = _Limits.of(runs, minutes, stop_after)
     if method not in METHODS:
         raise InputError(f"method: must be one of {', '.join(METHODS)}, not {method!r}")
-    if workers < 1:
-        raise InputError(f"workers: must be positive, is {workers}")
+    for name, value in (("workers", workers), ("run_timeout", run_timeout)):
+        if not value > 0:
+            raise InputError(f"{name}: must be positive, is {value}")
     chosen = (space or Space()).with_traffic(traffic)
     found, files, left_out = pairs_of(paths_of(paths), chosen.others, agent_id)
     setup = Setup(Drivers(text, traffic, predictor), chosen, seed)
@@ -126,7 +130,7 @@ def search(
         "coordinates": list(chosen.coordinates),
         "version": _core.__version__,
     }
-    with closing(SearchFolder(Path(out), what)) as folder, closing(_backend(workers, ray)) as backend:
+    with closing(SearchFolder(Path(out), what)) as folder, closing(_backend(workers, ray, run_timeout)) as backend:
         work = _Search(folder, found, setup, method, backend)
         work.run(limits, on_run)
     return work.found(left_out)
@@ -171,12 +175,12 @@ class _Here:
         """Nothing is left."""
 
 
-def _backend(workers: int, ray: str | None) -> Backend:
+def _backend(workers: int, ray: str | None, run_timeout: float) -> Backend:
     if ray is not None:
         from interdrive.batches.ray import Cluster  # noqa: PLC0415 - optional
 
-        return Cluster(ray, None)
-    return Pool(workers) if workers > 1 else _Here()
+        return Cluster(ray, None, timeout_s=run_timeout)
+    return _Here() if workers == 1 and math.isinf(run_timeout) else Pool(workers, timeout_s=run_timeout)
 
 
 class _Search:
@@ -235,9 +239,14 @@ class _Search:
         finally:
             self.folder.write_table()
 
-    def row(self, proposal: Proposal, driven: Driven) -> dict[str, Any]:
-        """The row of a run, not yet kept."""
-        pair, found = self.pairs[proposal.pair], driven.judged
+    def row(self, proposal: Proposal, driven: Driven | InterdriveError) -> dict[str, Any]:
+        """The row of a run, not yet kept; of a run that is lost with the reason."""
+        pair = self.pairs[proposal.pair]
+        if isinstance(driven, InterdriveError):
+            driven, said = Driven((), 0, None), str(driven)
+        else:
+            said = change_at(self.setup, pair, driven.point).words()
+        found = driven.judged
         row: dict[str, Any] = {
             "index": proposal.index,
             "pair": proposal.pair,
@@ -247,7 +256,7 @@ class _Search:
             "uniform": proposal.source == "uniform",
             "draws": driven.draws,
             "point": list(driven.point),
-            "disturbance": change_at(self.setup, pair, driven.point).words(),
+            "disturbance": said,
             **dict.fromkeys(("outcome", "criticality")),
             **dict.fromkeys(("failure", "signature", "folder", "witness", "digest"), ""),
             "partner_id": -1,
@@ -367,10 +376,10 @@ class _Round:
         """Notes how a task ended, and which failures are new."""
         place, trial = end.task.payload
         value = _value(end, trial.pair)
-        if isinstance(value, InterdriveError):
+        if isinstance(value, InterdriveError) and not end.lost:
             raise value
         if trial.failing is not None:
-            self._small[place] = value.point
+            self._small[place] = None if isinstance(value, InterdriveError) else value.point
             return
         self._rows[place] = self._search.row(self._proposals[place], value)
         while self._decided in self._rows:
@@ -386,12 +395,8 @@ def _task(payload: tuple[int, Trial] | None) -> Task[tuple[int, Trial]] | None:
 
 
 def _value(end: End[Any], pair: Pair) -> Driven | InterdriveError:
-    """What a task returned.
-
-    Raises:
-        InterdriveError: Its process was lost.
-    """
+    """What a task returned, or why its process was lost."""
     if end.lost:
-        raise InterdriveError(f"{pair.scenario}, agent {pair.agent_id}: a run is lost: {end.why}")
+        return InterdriveError(f"{pair.scenario}, agent {pair.agent_id}: a run is lost: {end.why}")
     value: Driven | InterdriveError = end.value
     return value

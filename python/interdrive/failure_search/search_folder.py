@@ -31,8 +31,14 @@ EVALUATION_COLUMNS = (
     Column("uniform", "truth", "drawn uniformly over all pairs and points, so it counts for the rate"),
     Column("draws", "integer", "points that were drawn until one was plausible"),
     Column("point", "text", "coordinates from 0 to 1, as JSON, in the order of `coordinates` in search.json"),
-    Column("disturbance", "text", "the same in words"),
-    Column("outcome", "label", "one of interdrive.run.OUTCOMES", labels=OUTCOMES, null="no draw was plausible"),
+    Column("disturbance", "text", "the same in words, or why the run was lost"),
+    Column(
+        "outcome",
+        "label",
+        "one of interdrive.run.OUTCOMES",
+        labels=OUTCOMES,
+        null="no draw was plausible, or the run was lost",
+    ),
     Column("failure", "label", "kind of the failure; empty: none"),
     Column("partner_id", "integer", "with whom it collided", null="no collision with a participant"),
     Column(
