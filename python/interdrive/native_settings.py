@@ -291,7 +291,12 @@ class Idm(CarFollowing):
             Positive and at most 100.
         noise: Standard deviation of a random part of the acceleration: how much the driver wavers. Between 0 and 5.
         noise_length: Time over which that part changes. Positive and at most 60.
-        noise_seed: Which random part it is. Between 0 and 4294967295.
+        noise_seed: Which random parts of acceleration and place in the lane these are. Between 0 and 4294967295.
+        lateral_offset: Where in its lane it wants to be, to the left of the middle. Between -2 and 2.
+        lateral_kept: Share of its offset from the middle of the lane at the start that it keeps besides. Between 0
+            and 1.
+        lateral_noise: Standard deviation of a random part of that place. Between 0 and 1.
+        lateral_length: Time over which that part changes. Positive and at most 60.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
@@ -299,6 +304,10 @@ class Idm(CarFollowing):
     noise: Annotated[float, "m/s²"] = 0.0
     noise_length: Annotated[float, "s"] = 1.5
     noise_seed: int = 0
+    lateral_offset: Annotated[float, "m"] = 0.0
+    lateral_kept: float = 0.0
+    lateral_noise: Annotated[float, "m"] = 0.0
+    lateral_length: Annotated[float, "s"] = 2.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

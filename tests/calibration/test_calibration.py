@@ -30,6 +30,7 @@ PLANTED = {
     "free_weight.median": 1.0,
     "noise": 0.4,
     "noise_length": 1.5,
+    "time_gap_kept": 0.0,
 }
 QUICK = {"evaluations": 43, "drives": 3, "long": 10.0, "rollouts": 1}
 

@@ -242,3 +242,51 @@ def test_correlations_that_contradict_each_other_are_refused(tmp_path):
     path.write_text(FILE.replace('[["time_gap", "acceleration", -0.5]]', json.dumps(pairs)))
     with pytest.raises(InputError, match="correlation: the matrix is not positive definite"):
         read_drivers(str(path))
+
+
+def _offsets(road, table, tmp_path, planner="idm", **options):
+    path = tmp_path / "beside.toml"
+    path.write_text(f"format = 1\n[driver]\n{table}\n")
+    run = idr.simulate(road, planner=f"{planner},drivers={path}", **options)
+    assert run.outcomes.outcome.count("collision") == 0
+    return run.states.y, run
+
+
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil"])
+def test_drivers_keep_the_side_of_the_lane_on_which_they_start(planner, tmp_path):
+    cars = [Car(11 + i, 40.0 * i, offset, 10.0) for i, offset in enumerate((0.5, -0.4, 0.0))]
+    road = world(straight_road(400.0), cars=cars)
+    y, _ = _offsets(road, "lateral_kept = 1.0", tmp_path, planner)
+    assert y[:, 35:55] == pytest.approx(np.array([[0.5], [-0.4], [0.0]]) * np.ones(20), abs=0.02)
+    y, _ = _offsets(road, "lateral_kept = 0.5\nlateral_offset = 0.1", tmp_path, planner)
+    assert y[:, 35:55] == pytest.approx(np.array([[0.35], [-0.1], [0.1]]) * np.ones(20), abs=0.02)
+    y, _ = _offsets(road, "lateral_offset = 2.0", tmp_path, planner)
+    width = idr.simulate(road, planner=planner).states.width[0]
+    assert y[:, 35:55] == pytest.approx(0.5 * (3.5 - width) - 0.2, abs=0.02), "it stays in its lane"
+
+
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil"])
+def test_drivers_move_within_their_lane_each_in_its_own_way(road, planner, tmp_path):
+    y, run = _offsets(road, "lateral_noise = 0.3\nlateral_length = 1.5", tmp_path, planner)
+    assert 0.05 < np.nanstd(y[:, 30:]) < 0.4
+    assert np.nanmax(np.abs(y)) < 1.0
+    assert abs(np.corrcoef(y[0, 30:150], y[1, 30:150])[0, 1]) < 0.95
+    assert idr.simulate(road, planner=run.settings["planner"], threads=2).digest == run.digest
+
+
+def test_drivers_keep_their_headway_of_the_start(tmp_path):
+    path = tmp_path / "keeping.toml"
+    path.write_text("format = 1\n[parameters.time_gap]\nmedian = 1.2\n[driver]\ntime_gap_kept = 0.5\n")
+    # Gaps of 10.5 and 25.5 m at 10 m/s; nobody is ahead of the first, and the last one stands.
+    cars = [Car(11, 100.0, 0.0, 10.0), Car(12, 85.0, 0.0, 10.0), Car(13, 55.0, 0.0, 10.0), Car(14, 10.0, 0.0, 0.0)]
+    road = world(straight_road(600.0), cars=cars)
+    gap = 15.0 - idr.simulate(road, planner="idm").states.length[0]
+    planners = idr.simulate(road, agents=[11, 12, 13], planner=f"idm,drivers={path}").settings["planner"]
+    assert planners["11"]["time_gap"] == pytest.approx(1.2)
+    assert planners["12"]["time_gap"] == pytest.approx(1.2 * (gap / 10.0 / 1.5) ** 0.5)
+    assert planners["13"]["time_gap"] == pytest.approx(1.2 * ((gap + 15.0) / 10.0 / 1.5) ** 0.5)
+    drivers = read_drivers(str(path))
+    assert drivers.settings("rollout", 0, 12, headway=6.0) == {
+        "comfort.time_gap": pytest.approx(1.2 * (4.0 / 1.5) ** 0.5)
+    }
+    assert drivers.settings("idm", 0, 12)["time_gap"] == pytest.approx(1.2)

@@ -89,7 +89,7 @@ impl Bench {
             time_step: 0,
             dt: 0.1,
             state: self.state,
-            entry_velocity: self.state.velocity,
+            entry: self.state,
             vehicle: &vehicle,
             shape: &self.shape,
             route: &self.route,

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 #: Points of a generation, and the first steps of both stages in units of the variables.
 _SIZE_A, _STEP_A, _SIZE_B, _STEP_B = 14, 0.7, 10, 0.35
 #: The best populations of stage A begin stage B, with these spreads of the time gap, which stage A cannot tell apart.
-_SPREADS = (0.25, 0.4, 0.55, 0.7, 0.3, 0.45, 0.6, 0.35)
+_SPREADS = (0.15, 0.3, 0.45, 0.6, 0.2, 0.35, 0.5, 0.25)
 #: Weight of the squared distance from the usual numbers.
 _PRIOR_WEIGHT = 0.002
 #: A place counts in stage A with at least so many vehicles.

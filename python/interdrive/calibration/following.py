@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.config.drivers import PARAMETERS
+from interdrive.config.drivers import HEADWAY_USUAL, HEADWAYS_KEPT, PARAMETERS
 from interdrive.scenario.known_goals import Temperament, desired_speed
 from interdrive.scenario.native import core_road
 from interdrive.traffic_realism.estimators import crps, smooth, wasserstein
@@ -38,6 +38,8 @@ TELLING_MIN = 0.05
 _GAP_MIN, _GAP_WEIGHT = 0.3, 10.0
 #: Recordings whose jerk varies more than this [m/s³] have noisy positions: their accelerations say nothing.
 NOISY_JERK = 0.8
+#: Slower vehicles have no headway that they keep [m/s].
+_HEADWAY_SPEED = 3.0
 #: As in the core: least gap [m] and speed [m/s] of the law, exponent, noise fades below this speed [m/s] and where it
 #: brakes harder than this [m/s²]; limits of vehicles [m/s²].
 _GAP_LEAST, _SPEED_LEAST, _EXPONENT, _SLOW, _BRAKES, _LIMITS = 0.1, 0.01, 4.0, 2.0, 3.0, (-9.0, 4.0)
@@ -141,6 +143,9 @@ class Following:
         still = vehicles.start[:, None] * time
         self._usual = self._scores(still[None], np.broadcast_to(vehicles.start[:, None], still.shape)[None])
         self._close = self._share_close(vehicles.gap)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            headway = np.clip(vehicles.gap[:, 0] / vehicles.start, *HEADWAYS_KEPT) / HEADWAY_USUAL
+        self._headway = np.where(np.isfinite(headway) & (vehicles.start > _HEADWAY_SPEED), headway, 1.0)
 
     def objective(self, drivers: Drivers) -> float:
         """How far a population drives from the recording."""
@@ -165,6 +170,9 @@ class Following:
             if name in drivers.parameters
         }
         weight = own["free_weight"]
+        if drivers.time_gap_kept > 0.0:
+            one = drivers.parameters["time_gap"]
+            own["time_gap"] = np.clip(own["time_gap"] * self._headway**drivers.time_gap_kept, one.low, one.high)
         wanted = own["desired_factor"] * (vehicles.wanted[:, 0] * (1.0 - weight) + vehicles.wanted[:, 1] * weight)
         wanted = np.maximum(wanted, _SPEED_LEAST)
         noise = self._noise(drivers)

@@ -108,7 +108,7 @@ def drivers_file(drivers: Drivers, planner: str, provenance: Mapping[str, Json])
             f"sd = {one.sd!r}",
             "",
         ]
-    lines += ["[driver]", f"noise = {drivers.noise!r}", f"noise_length = {drivers.noise_length!r}", ""]
+    lines += ["[driver]", *(f"{name} = {value!r}" for name, value in drivers.constants.items()), ""]
     lines += ["[provenance]", *(f"{name} = {_plain(value)}" for name, value in provenance.items())]
     return "\n".join(lines) + "\n"
 

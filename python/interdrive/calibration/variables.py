@@ -19,6 +19,9 @@ _FACTOR, _SHARE = 1.5, 0.25
 USUAL_SPREAD = 0.25
 #: Comfortable deceleration [m/s²]: recordings without emergencies do not show it.
 _DECELERATION = 1.5
+#: Where in their lanes drivers are is not fitted: each keeps its side, and moves within the lane as on MONA East, where
+#: offsets change by 0.16, 0.35 and 0.41 m (root mean square) in 1, 3 and 5 s.
+_LATERAL_KEPT, _LATERAL_NOISE, _LATERAL_LENGTH = 1.0, 0.25, 1.8
 #: What shows a variable varies among fits of nearly the same quality by less than this, in units.
 _NARROW = 1.0
 #: Such fits are worse than the best one by at most this share; fewer than so many of them say nothing.
@@ -67,6 +70,7 @@ VARIABLES = (
     Variable("free_weight.median", 1.0, *PARAMETERS["free_weight"]),
     Variable("noise", 0.2, 0.0, 1.0, in_worlds=True),
     Variable("noise_length", 1.5, 0.5, 5.0, is_log=True, in_worlds=True),
+    Variable("time_gap_kept", 0.0, 0.0, 1.0, in_worlds=True),
 )
 
 
@@ -94,6 +98,10 @@ def population(name: str, values: dict[str, float]) -> Drivers:
         },
         noise=values["noise"],
         noise_length=values["noise_length"],
+        time_gap_kept=values["time_gap_kept"],
+        lateral_kept=_LATERAL_KEPT,
+        lateral_noise=_LATERAL_NOISE,
+        lateral_length=_LATERAL_LENGTH,
     )
 
 

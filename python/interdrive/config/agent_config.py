@@ -280,7 +280,7 @@ def _drawn(choice: AgentChoice, agent: Agent, seed: int) -> Resolved:
     planner, drivers = choice.planner, choice.drivers
     if drivers is None or planner.native is None:
         return planner
-    own = drivers.settings(planner.native, seed, agent.id, agent.kind)
+    own = drivers.settings(planner.native, seed, agent.id, agent.kind, agent.headway)
     return replace(planner, source=bind(cast("Any", planner.source), {**planner.values, **own}))
 
 

@@ -56,6 +56,8 @@ SETTINGS: Mapping[str, Mapping[str, str]] = MappingProxyType(
         },
     }
 )
+#: A driver whose headway at the start is this long [s] keeps what it draws; shorter and longer ones count as these [s].
+HEADWAY_USUAL, HEADWAYS_KEPT = 1.5, (0.3, 4.0)
 #: Planners whose drivers waver.
 WAVERING = ("idm", "idm_mobil")
 #: There are so many ways to waver, drawn apart from the parameters.
@@ -123,6 +125,12 @@ class Drivers:
         kinds: Distributions that differ for a kind of vehicle, such as "truck".
         noise: Standard deviation of a random part of the acceleration [m/s²], which differs from agent to agent.
         noise_length: Time over which that part changes [s].
+        lateral_offset: Where in their lanes they drive, to the left of the middle [m].
+        lateral_kept: Share of the offset at the start that each keeps besides.
+        lateral_noise: Standard deviation of a random part of that place [m].
+        lateral_length: Time over which that part changes [s].
+        time_gap_kept: How much of its headway at the start each keeps: its time gap is the drawn one times the headway
+            over 1.5 s, to this power.
         planner: Whose drivers they are, where they were fitted; empty: any planner's.
         provenance: Where the numbers are from; `places` names the places that they were fitted on.
     """
@@ -133,6 +141,11 @@ class Drivers:
     kinds: Mapping[str, Mapping[str, Distribution]] = field(default_factory=dict)
     noise: float = 0.0
     noise_length: float = 1.5
+    lateral_offset: float = 0.0
+    lateral_kept: float = 0.0
+    lateral_noise: float = 0.0
+    lateral_length: float = 2.0
+    time_gap_kept: float = 0.0
     planner: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -144,7 +157,9 @@ class Drivers:
     @property
     def constants(self) -> Mapping[str, float]:
         """What all of its drivers have in common, by name."""
-        return {"noise": self.noise, "noise_length": self.noise_length} if self.noise > 0.0 else {}
+        values = {name: float(getattr(self, name)) for name in _CONSTANTS}
+        unused = {length for name, length in _LENGTHS.items() if values[name] <= 0.0}
+        return {name: value for name, value in values.items() if name not in unused and value != 0.0}
 
     def drawn(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
         """The parameters of an agent; they depend on nothing but these arguments.
@@ -160,8 +175,25 @@ class Drivers:
         own = {**self.parameters, **self.kinds.get(kind, {})}
         return {name: own[name].at(float(z[i])) for i, name in enumerate(PARAMETERS) if name in own}
 
-    def settings(self, planner: str, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
+    def time_gap(self, drawn: float, headway: float) -> float:
+        """The time gap of a driver that has drawn one and starts with a headway; both in s, nan: nobody is ahead."""
+        one = self.parameters["time_gap"]
+        if not (self.time_gap_kept > 0.0 and math.isfinite(headway)):
+            return drawn
+        share = min(max(headway, HEADWAYS_KEPT[0]), HEADWAYS_KEPT[1]) / HEADWAY_USUAL
+        return float(min(max(drawn * share**self.time_gap_kept, one.low), one.high))
+
+    def settings(
+        self, planner: str, seed: int, agent: int, kind: str = "car", headway: float = math.nan
+    ) -> dict[str, float]:
         """The same as settings of a planner, by dotted name.
+
+        Args:
+            planner: Its name.
+            seed: Of the run.
+            agent: Its id.
+            kind: Of its vehicle.
+            headway: With which it starts [s]; nan: nobody is ahead.
 
         Raises:
             InputError: The planner has no drivers.
@@ -169,11 +201,16 @@ class Drivers:
         names = SETTINGS.get(planner)
         if names is None:
             raise InputError("drivers", f"planner {planner} has none; {', '.join(SETTINGS)} have")
-        found = {names[name]: value for name, value in self.drawn(seed, agent, kind).items() if name in names}
-        if self.noise > 0.0 and planner in WAVERING:
+        drawn = self.drawn(seed, agent, kind)
+        if "time_gap" in drawn:
+            drawn["time_gap"] = self.time_gap(drawn["time_gap"], headway)
+        found = {names[name]: value for name, value in drawn.items() if name in names}
+        constants = self.constants
+        if planner in WAVERING:
+            found |= {name: value for name, value in constants.items() if name not in _BESIDE_SETTINGS}
+        if planner in WAVERING and (self.noise > 0.0 or self.lateral_noise > 0.0):
             random = np.random.default_rng(np.random.SeedSequence([seed % _SEEDS, agent % _SEEDS, _NOISE_DRAW]))
-            wave = int(random.integers(_WAVES))
-            found |= {"noise": self.noise, "noise_length": self.noise_length, "noise_seed": wave}
+            found["noise_seed"] = int(random.integers(_WAVES))
         return found
 
     def temperament(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
@@ -186,7 +223,7 @@ class Drivers:
             "parameters": {name: vars(one) for name, one in self.parameters.items()},
             "correlation": [list(one) for one in self.correlation],
             "kinds": {kind: {name: vars(one) for name, one in own.items()} for kind, own in self.kinds.items()},
-            **({"noise": [self.noise, self.noise_length]} if self.noise > 0.0 else {}),
+            **self.constants,
         }
 
     def _cholesky(self) -> Floats:
@@ -300,7 +337,7 @@ def _from_table(name: str, table: Mapping[str, Any]) -> Drivers:
         given,
         correlation,
         kinds,
-        **_noise(table.get("driver", {})),
+        **_constants(table.get("driver", {})),
         planner=planner,
         provenance=_provenance(table.get("provenance", {})),
     )
@@ -318,16 +355,28 @@ def _provenance(given: object) -> Mapping[str, Any]:
 
 
 #: Bounds of `[driver]`, as those of the settings of `idm`.
-_NOISE = {"noise": (0.0, 5.0), "noise_length": (0.01, 60.0)}
+_CONSTANTS = {
+    "noise": (0.0, 5.0),
+    "noise_length": (0.01, 60.0),
+    "lateral_offset": (-2.0, 2.0),
+    "lateral_kept": (0.0, 1.0),
+    "lateral_noise": (0.0, 1.0),
+    "lateral_length": (0.01, 60.0),
+    "time_gap_kept": (0.0, 1.0),
+}
+#: Those that are no settings of a planner.
+_BESIDE_SETTINGS = ("time_gap_kept",)
+#: Lengths that mean nothing without the noise that they belong to.
+_LENGTHS = {"noise": "noise_length", "lateral_noise": "lateral_length"}
 
 
-def _noise(given: object) -> dict[str, float]:
+def _constants(given: object) -> dict[str, float]:
     if not isinstance(given, Mapping):
         raise InputError("driver", "must be a table")
     for name, value in given.items():
-        if name not in _NOISE:
-            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(_NOISE)}")
-        low, high = _NOISE[name]
+        if name not in _CONSTANTS:
+            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(_CONSTANTS)}")
+        low, high = _CONSTANTS[name]
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise InputError(f"driver.{name}", f"must be a number from {low:g} to {high:g}, is {value!r}")
     return {name: float(value) for name, value in given.items()}

@@ -17,6 +17,7 @@ from interdrive.scenario.known_goals import (
     Temperament,
     arrival,
     desired_speed,
+    headway_at,
     map_end,
     onwards,
     route_length,
@@ -131,6 +132,7 @@ class Agent:
         route: Route and reference path.
         native_goal: The goal for the core.
         replays_before: It replays its recording until it starts.
+        headway: Recorded time to the vehicle ahead where it starts [s]; nan: nobody is there, or it is slow.
         queue: Number of the queue in which it waits for a gap before it enters, and the last time step at which it may
             enter; None: it enters at its time.
     """
@@ -146,6 +148,7 @@ class Agent:
     route: _core.Route
     native_goal: _core.Goal
     replays_before: bool = False
+    headway: float = math.nan
     queue: tuple[int, int] | None = None
 
 
@@ -166,6 +169,7 @@ class _Proposal:
     track: Floats | None = None  # the route follows it; None: the route leads to the goal
     keeps_lane: bool = False
     speed: float = 0.0  # desired on a free road, where no time is known
+    headway: float = math.nan
 
 
 #: What chooses agents, for messages.
@@ -525,6 +529,7 @@ def _from_recording(
         goal=(),
         velocity_max=float(np.nanmax(np.abs(obstacles.velocity[row]))),
         past=_past(scenario, row, first) if is_past_only else (),
+        headway=headway_at(scenario, row, first),
     )
     if settings.information != "timed":
         limit = float(road.lane_rules(*(np.array([v]) for v in (initial.x, initial.y, initial.orientation)))[0][0])
@@ -642,6 +647,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> 
         route=route,
         native_goal=goal,
         replays_before=bool(proposal.past) and proposal.origin == "recorded",
+        headway=proposal.headway,
     )
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from interdrive.scenario.model import GoalState
+from interdrive.scenario.native import core_shape
 from interdrive.scenario.shape import Shape
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ Information: TypeAlias = Literal["timed", "place", "route", "turns"]
 _SPEED_MIN = 5.0
 #: Vehicles that are nearer than this [m] and head the same way within this [rad] show how fast traffic is.
 _NEAR, _SAME_WAY = 100.0, math.radians(60.0)
+#: The vehicle ahead is at most so far beside the way, of the sum of both widths, and never farther than this [m]; it
+#: heads elsewhere by at most this [rad]. Slower vehicles have no headway [m/s].
+_AHEAD_WIDTHS, _AHEAD_BESIDE, _AHEAD_ANGLE, _HEADWAY_SPEED = 0.4, 3.0, 0.6, 3.0
 #: A route without a goal is so long for each metre per second of desired speed [s], and at least so long [m].
 _ROUTE_TIME, _ROUTE_LENGTH = 60.0, 600.0
 #: The map ends for a vehicle this far [m] before its front leaves it, and at least the way of so many time steps.
@@ -65,6 +69,35 @@ def desired_speed(scenario: Scenario, row: int, time_step: int, limit: float, te
     traffic = float(np.median(speed[near])) if near.any() else own
     wanted = max(_SPEED_MIN, own + temper.free_weight * max(0.0, traffic - own))
     return temper.desired_factor * min(wanted, limit)
+
+
+def headway_at(scenario: Scenario, row: int, time_step: int) -> float:
+    """Time from a recorded vehicle to the one ahead of it at a time step [s]; nan without one, or where it is slow.
+
+    Args:
+        scenario: With the recording.
+        row: Of the vehicle.
+        time_step: At which it is present.
+    """
+    obstacles = scenario.obstacles
+    speed = float(obstacles.velocity[row, time_step])
+    if not speed > _HEADWAY_SPEED:
+        return math.nan
+    x, y, heading = (table[:, time_step] for table in (obstacles.x, obstacles.y, obstacles.orientation))
+    dx, dy, turn = x - x[row], y - y[row], np.mod(heading - heading[row] + math.pi, 2.0 * math.pi) - math.pi
+    along = dx * math.cos(heading[row]) + dy * math.sin(heading[row])
+    across = dy * math.cos(heading[row]) - dx * math.sin(heading[row])
+    # On an arc the way bends aside by half the angle.
+    beside = np.abs(across - 0.5 * along * turn)
+    near = np.flatnonzero((along > 0.0) & (along < _NEAR) & (np.abs(turn) < _AHEAD_ANGLE) & (beside < _AHEAD_BESIDE))
+    extents = {int(other): core_shape(obstacles.shapes[other]).extent for other in (row, *near)}
+    own_length, own_width = extents[row]
+    gaps = [
+        float(along[other]) - 0.5 * (own_length + extents[other][0])
+        for other in near.tolist()
+        if beside[other] < _AHEAD_WIDTHS * (own_width + extents[other][1])
+    ]
+    return max(min(gaps), 0.0) / speed if gaps else math.nan
 
 
 def onwards(speed: float, first: int, last: int) -> GoalState:

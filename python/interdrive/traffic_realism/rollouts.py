@@ -124,6 +124,9 @@ def _counted(run: Run, window: Window, judged: Ints) -> Ints:
     """Agents, collisions, departures, vehicles that did not enter, judged vehicles that braked hard."""
     ended = run.outcomes
     hit = np.array([outcome == "collision" for outcome in ended.outcome], dtype=np.bool_)
+    # Who overlaps others in the recording takes part, but its contacts say nothing about the planner.
+    unsure = np.array(sorted(window.scenario.overlapping), dtype=np.int64)
+    hit &= ended.off_road | ~(np.isin(ended.agent_id, unsure) | np.isin(ended.partner_id, unsure))
     outside = np.array([message.startswith(NO_ROOM) for message in ended.message], dtype=np.bool_)
     columns = slice(window.start + 1, window.start + 1 + round(_HARD_WITHIN / window.scenario.dt))
     acceleration = run.states.acceleration[np.searchsorted(run.states.participant_id, judged), columns]

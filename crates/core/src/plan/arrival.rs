@@ -81,7 +81,7 @@ pub(super) fn desired(
         return (if is_late { onwards } else { needed }, stop);
     }
     let middle = goal_velocity.filter(|_| low > 0.0).unwrap_or(0.0);
-    let free = request.entry_velocity.max(middle).max(cruise_velocity_min);
+    let free = request.entry.velocity.max(middle).max(cruise_velocity_min);
     let approach = approach_velocity(distance, low + GOAL_SPEED_SHARE * (high - low), deceleration);
     if is_late {
         let limit = Some(request.rules.way.limits.at(s)).filter(|limit| limit.is_finite());

@@ -1,4 +1,5 @@
-//! How drivers waver: a smooth random part of the acceleration, without memory, so that any step of any plan has it.
+//! How drivers waver: smooth random parts of the acceleration and of the place in the lane, without memory, so that any
+//! step of any plan has them.
 
 use std::f64::consts::TAU;
 
@@ -14,14 +15,14 @@ const BRAKES_FOR_SURE: f64 = 3.0;
 /// A Gaussian process with unit variance and the correlation exp(-t² / (2 length²)), as a sum of random waves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Noise {
-    /// Standard deviation [m/s²].
+    /// Standard deviation.
     sd: f64,
     /// Angular frequencies [rad/s] and phases [rad].
     waves: [(f64, f64); N_WAVES],
 }
 
 impl Noise {
-    /// For a standard deviation [m/s²], a correlation length [s] and a seed; `None` without any noise.
+    /// For a standard deviation, a correlation length [s] and a seed; `None` without any noise.
     pub(super) fn new(sd: f64, length: f64, seed: usize) -> Option<Self> {
         if sd <= 0.0 {
             return None;
@@ -40,6 +41,11 @@ impl Noise {
         Some(Self { sd, waves })
     }
 
+    /// At a time [s], in the unit of the standard deviation.
+    pub(super) fn value(&self, time: f64) -> f64 {
+        self.sd * self.at(time)
+    }
+
     fn at(&self, time: f64) -> f64 {
         let sum: f64 = self.waves.iter().map(|(omega, phase)| (omega * time + phase).cos()).sum();
         (2.0 / N_WAVES as f64).sqrt() * sum
@@ -47,7 +53,7 @@ impl Noise {
 
     /// What becomes of a wanted acceleration [m/s²] at a time [s] and a speed [m/s].
     pub(super) fn added(&self, wanted: f64, time: f64, velocity: f64) -> f64 {
-        if wanted < -BRAKES_FOR_SURE { wanted } else { wanted + self.sd * self.at(time) * (velocity / SLOW).min(1.0) }
+        if wanted < -BRAKES_FOR_SURE { wanted } else { wanted + self.value(time) * (velocity / SLOW).min(1.0) }
     }
 }
 

@@ -8,11 +8,28 @@ use super::frame::Start;
 use super::path_motion::RETURN_TIME;
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
+use crate::route::PathPiece;
 use crate::settings::{between, positive, settings};
 
 /// Least desired speed of an agent whose goal says nothing about where or how fast, or is over [m/s]: that of city
 /// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
 const CRUISE_VELOCITY_MIN: f64 = 15.0;
+
+/// A driver reaches the place in its lane where it wants to be within this time [s], ...
+const KEEPING_TIME: f64 = 1.5;
+/// ... unless it is farther away than this [m], as in a lane change, ...
+const KEEPING_OFFSET: f64 = 1.0;
+/// ... and stays this far from the edges of its lane [m].
+const EDGE_GAP: f64 = 0.2;
+/// Where it entered is this near the start of its route [m].
+const ENTRY_NEAR: f64 = 20.0;
+/// The random part of its place is not that of its acceleration.
+const LATERAL_SEED: usize = 1 << 33;
+
+/// Time within which an offset from the wanted place is given up [s], of a driver who otherwise takes `usual` for it.
+pub(super) fn keeping_time(settings: &IdmSettings, offset: f64, usual: f64) -> f64 {
+    if settings.keeps_place() && offset.abs() < KEEPING_OFFSET { KEEPING_TIME } else { usual }
+}
 
 settings! {
     /// Drives the reference path of its route with the Intelligent Driver Model.
@@ -32,8 +49,16 @@ settings! {
         noise: f64 ["m/s²"] = 0.0, between(0.0, 5.0);
         /// Time over which that part changes.
         noise_length: f64 ["s"] = 1.5, positive(60.0);
-        /// Which random part it is.
+        /// Which random parts of acceleration and place in the lane these are.
         noise_seed: usize = 0, between(0.0, 4_294_967_295.0);
+        /// Where in its lane it wants to be, to the left of the middle.
+        lateral_offset: f64 ["m"] = 0.0, between(-2.0, 2.0);
+        /// Share of its offset from the middle of the lane at the start that it keeps besides.
+        lateral_kept: f64 = 0.0, between(0.0, 1.0);
+        /// Standard deviation of a random part of that place.
+        lateral_noise: f64 ["m"] = 0.0, between(0.0, 1.0);
+        /// Time over which that part changes.
+        lateral_length: f64 ["s"] = 2.0, positive(60.0);
     }
 }
 
@@ -43,6 +68,31 @@ impl IdmSettings {
         let (velocity, _) =
             arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, None);
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
+    }
+
+    /// Where beside the middle of a lane of a width [m] it wants to be, to the left [m].
+    pub(super) fn aside(&self, request: &PlanRequest, width: impl FnOnce() -> f64) -> f64 {
+        if !self.keeps_place() {
+            return 0.0;
+        }
+        let mut aside = self.lateral_offset;
+        if self.lateral_kept > 0.0 {
+            let entry = request.entry.pose();
+            let rear_axle = request.vehicle.rear_axle_from_center(entry);
+            let foot = request.route.path.project_near(rear_axle, request.route.start_s, ENTRY_NEAR);
+            aside += self.lateral_kept * foot.map_or(0.0, |foot| foot.1);
+        }
+        let seed = self.noise_seed.wrapping_add(LATERAL_SEED);
+        if let Some(noise) = Noise::new(self.lateral_noise, self.lateral_length, seed) {
+            aside += noise.value(request.time_step as f64 * request.dt + KEEPING_TIME);
+        }
+        let room = (0.5 * (width() - request.vehicle.width) - EDGE_GAP).max(0.0);
+        aside.clamp(-room, room)
+    }
+
+    /// It wants to be elsewhere than in the middle of its lane.
+    fn keeps_place(&self) -> bool {
+        self.lateral_offset != 0.0 || self.lateral_kept > 0.0 || self.lateral_noise > 0.0
     }
 
     /// How its driver wavers.
@@ -66,7 +116,13 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
         let braking = if has_pace { profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         law.free(velocity, wish.min(profile.at(s))).min(braking)
     };
-    let following = Following { law, lateral_acceleration: settings.lateral_acceleration, noise: settings.wavering() };
+    let aside = settings.aside(request, || width(request, start.s));
+    let following = Following {
+        law,
+        lateral_acceleration: settings.lateral_acceleration,
+        noise: settings.wavering(),
+        place: (aside, keeping_time(settings, start.d - aside, RETURN_TIME)),
+    };
     follow_path(request, &following, start, (limit, free), memory)
 }
 
@@ -76,6 +132,18 @@ pub(super) struct Following<'a> {
     /// In curves [m/s²].
     pub(super) lateral_acceleration: f64,
     pub(super) noise: Option<Noise>,
+    /// Where beside the path it wants to be, to the left [m], and when [s].
+    pub(super) place: (f64, f64),
+}
+
+/// Width of the lane at an arc length of the route's path [m].
+fn width(request: &PlanRequest, s: f64) -> f64 {
+    let distance = |piece: &&PathPiece| if piece.has(s) { piece.distance(s) } else { f64::INFINITY };
+    let nearest = request.route.pieces.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+    nearest.map_or(f64::INFINITY, |piece| {
+        let lanelet = &request.road.lanelets()[piece.lanelet];
+        lanelet.width_at((s - piece.start).clamp(0.0, lanelet.length))
+    })
 }
 
 /// The plan along the reference path: at most as fast as `limit` says for an arc length [m] and curves allow. `free` is
@@ -87,7 +155,7 @@ pub(super) fn follow_path(
     (limit, free_road): (impl Fn(f64) -> f64, impl Fn(&SpeedProfile, f64, f64) -> f64),
     memory: &mut PlanningMemory,
 ) -> PlanResult {
-    let &Following { law, lateral_acceleration, ref noise } = following;
+    let &Following { law, lateral_acceleration, ref noise, place } = following;
     let path = &request.route.path;
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
@@ -108,7 +176,7 @@ pub(super) fn follow_path(
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
     conflicts.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
-    match path_motion::trajectory_on_road(request, path, &start, motions, RETURN_TIME, road) {
+    match path_motion::trajectory_on_road(request, path, &start, motions, place, road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its path bends too tightly where it is"),
     }

@@ -184,7 +184,7 @@ impl LaneRoutes {
         let Some(need) = lanes[aim.lane].need(aim.s) else {
             // Its goal is elsewhere: it drives on with the traffic.
             let limit = Some(lanes[aim.lane].way.limits.at(aim.s)).filter(|limit| limit.is_finite());
-            let velocity = limit.unwrap_or(request.entry_velocity.max(comfort.cruise_velocity_min));
+            let velocity = limit.unwrap_or(request.entry.velocity.max(comfort.cruise_velocity_min));
             return (aim, LaneChange { velocity: Some(velocity), ..LaneChange::default() });
         };
         if need.changes == 0 {

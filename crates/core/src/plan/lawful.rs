@@ -3,6 +3,7 @@
 use super::car_following::CarFollowing;
 use super::frame::Start;
 use super::idm::{Following, follow_path};
+use super::path_motion::RETURN_TIME;
 use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult, PlanningMemory, refused};
 use crate::conduct::STATIONARY_SPEED;
@@ -52,7 +53,8 @@ pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mu
         let slowing = (desired(s + velocity * SLOWING_TIME) - velocity) / SLOWING_TIME;
         law.free(velocity, desired(s)).min(slowing.max(-SLOWING_MAX))
     };
-    let following = Following { law, lateral_acceleration: settings.lateral_acceleration, noise: None };
+    let following =
+        Following { law, lateral_acceleration: settings.lateral_acceleration, noise: None, place: (0.0, RETURN_TIME) };
     follow_path(request, &following, start, (lawful, free), memory)
 }
 
@@ -75,5 +77,5 @@ fn unstated_velocity(request: &PlanRequest) -> f64 {
     speeds.sort_by(f64::total_cmp);
     let n = speeds.len();
     let median = if n == 0 { 0.0 } else { 0.5 * (speeds[(n - 1) / 2] + speeds[n / 2]) };
-    UNSTATED_VELOCITY_MIN.max(request.entry_velocity).max(median)
+    UNSTATED_VELOCITY_MIN.max(request.entry.velocity).max(median)
 }

@@ -9,7 +9,7 @@
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Ego};
 use super::frame::Start;
-use super::idm::IdmSettings;
+use super::idm::{IdmSettings, keeping_time};
 use super::lanes::{Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::path_motion::RETURN_TIME;
@@ -93,6 +93,7 @@ pub(super) fn plan(
         Ok(start) => start,
         Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
     };
+    let aside = settings.idm.aside(request, || lane.width(start.s, request.road));
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
@@ -123,7 +124,8 @@ pub(super) fn plan(
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
     conflicts.decide(request, &ego, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
-    match path_motion::trajectory_on_road(request, &lane.path, &start, motions, time, road) {
+    let place = (aside, keeping_time(&settings.idm, start.d - aside, time));
+    match path_motion::trajectory_on_road(request, &lane.path, &start, motions, place, road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its lane bends too tightly where it is"),
     }
@@ -142,7 +144,8 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
         neighbours.is_free() && new.is_none_or(|(with, _)| with >= -settings.safe_deceleration)
     };
     let beside = lanes.beside(aim.lane, aim.s, request.road);
-    if aim.d.abs() > SETTLED_OFFSET {
+    let aside = settings.idm.aside(request, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    if (aim.d - aside).abs() > SETTLED_OFFSET {
         // Under way. Back only while the agent is mostly in the lane that it leaves.
         let half = 0.5 * lanes.lanes[aim.lane].width(aim.s, request.road);
         let origin = beside[usize::from(aim.d < 0.0)];
@@ -196,7 +199,8 @@ fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lan
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
     let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
-    if !is_urgent || aim.d.abs() > SETTLED_OFFSET {
+    let aside = settings.idm.aside(request, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    if !is_urgent || (aim.d - aside).abs() > SETTLED_OFFSET {
         return None;
     }
     let nearer =

@@ -140,8 +140,8 @@ pub struct PlanRequest<'a> {
     pub dt: f64,
     /// The agent's state now (footprint centre).
     pub state: State,
-    /// Its speed when it entered [m/s].
-    pub entry_velocity: f64,
+    /// Its state when it entered, or began to plan.
+    pub entry: State,
     /// Its parameters and limits.
     pub vehicle: &'a Vehicle,
     /// Its footprint.

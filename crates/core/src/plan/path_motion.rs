@@ -87,19 +87,19 @@ pub(super) fn trajectory(
     Some(Trajectory { points })
 }
 
-/// The same, but where the footprint would leave the road, beside the path: where lanes are narrow and bend tightly a
-/// vehicle whose rear axle follows the middle leaves its lane.
+/// The same, but to an offset from the path, and where the footprint would leave the road, to another one: where lanes
+/// are narrow and bend tightly a vehicle whose rear axle follows the middle leaves its lane.
 pub(super) fn trajectory_on_road(
     request: &PlanRequest,
     path: &ReferencePath,
     start: &Start,
     motions: &[PathMotion],
-    time: f64,
+    (aside, time): (f64, f64),
     memory: &mut Vec<u32>,
 ) -> Option<Trajectory> {
     let mut points = Vec::with_capacity(motions.len());
-    shifted(request, path, start, motions, (0.0, time), &mut points)?;
-    let is_harmless = start.d.abs() < HARMLESS_OFFSET && is_straight(path, start.s, motions);
+    shifted(request, path, start, motions, (aside, time), &mut points)?;
+    let is_harmless = start.d.abs().max(aside.abs()) < HARMLESS_OFFSET && is_straight(path, start.s, motions);
     if is_harmless {
         return Some(Trajectory { points });
     }

@@ -271,7 +271,7 @@ pub(super) fn plan(
     run(conflicts, free);
     conflicts.decide(request, &ego, free);
     run(conflicts, motions);
-    match path_motion::trajectory_on_road(request, path, &start, motions, RETURN_TIME, road) {
+    match path_motion::trajectory_on_road(request, path, &start, motions, (0.0, RETURN_TIME), road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its path bends too tightly where it is"),
     }

@@ -218,7 +218,7 @@ impl World {
             time_step: self.time_step,
             dt: self.scenario.dt,
             state: self.states[drive.row].unwrap_or_default(),
-            entry_velocity: drive.agent.initial_state.velocity,
+            entry: drive.agent.initial_state,
             vehicle: &drive.agent.vehicle,
             shape: &drive.agent.shape,
             route: &drive.agent.route,

@@ -189,7 +189,7 @@ impl Drive {
             time_step: self.time_step,
             dt: self.dt,
             state: self.state,
-            entry_velocity: self.entry_velocity,
+            entry: State { velocity: self.entry_velocity, ..self.state },
             vehicle: &self.vehicle,
             shape: &self.shape,
             route: &self.route,
