@@ -60,7 +60,7 @@ def test_the_command_prints_what_it_found_and_its_drivers_can_be_looked_at_and_u
 def test_populations_are_listed():
     done = _run("drivers")
     assert done.returncode == 0, done.stderr
-    for name in ("house", "calm", "brisk"):
+    for name in ("house", "calm", "brisk", "calibrated", "DEU_MONAEast, USA_US101"):
         assert name in done.stdout
 
 

@@ -64,6 +64,15 @@ def test_calm_drivers_keep_more_room_than_brisk_ones():
     assert gaps == sorted(gaps, reverse=True)
 
 
+def test_the_calibrated_population_says_where_it_is_from():
+    found = POPULATIONS["calibrated"]
+    assert found.fitted_on == ("DEU_MONAEast", "USA_US101")
+    assert found.planner == "idm"
+    assert set(found.provenance["held_out"]).isdisjoint(found.fitted_on)
+    assert "keep terms of their own" in found.provenance["licence"]
+    assert {"noise", "time_gap_kept", "lateral_kept"} <= set(found.constants)
+
+
 def test_a_file_has_transforms_correlations_and_kinds(file):
     found = read_drivers(file)
     drawn = [found.drawn(0, agent) for agent in range(500)]
@@ -94,8 +103,9 @@ def test_a_population_without_spread_is_the_planner_with_these_settings(road, tm
 
 
 @pytest.mark.parametrize("planner", ["idm", "idm_mobil", "velocity_adjusting", "rollout", "frenet"])
-def test_native_planners_that_follow_have_drivers(road, planner):
-    run = idr.simulate(road, planner=f"{planner},drivers=calm", settings={"step.max_steps": 3})
+@pytest.mark.parametrize("name", ["calm", "calibrated"])
+def test_native_planners_that_follow_have_drivers(road, planner, name):
+    run = idr.simulate(road, planner=f"{planner},drivers={name}", settings={"step.max_steps": 3})
     assert len({json.dumps(one) for one in run.settings["planner"].values()}) == 4
 
 

@@ -260,12 +260,16 @@ def checked_temperament(given: Mapping[str, object]) -> dict[str, float]:
 
 
 def check_planner(drivers: Drivers, planner: str) -> None:
-    """Refuses drivers that were fitted for a planner whose settings mean something else.
+    """Refuses files of drivers that were fitted for a planner whose settings mean something else.
 
     Raises:
         InputError: They were.
     """
-    if drivers.planner and SETTINGS[planner].get("time_gap") != SETTINGS[drivers.planner].get("time_gap"):
+    if (
+        drivers.planner
+        and drivers.name not in POPULATIONS
+        and SETTINGS[planner].get("time_gap") != SETTINGS[drivers.planner].get("time_gap")
+    ):
         alike = [name for name, own in SETTINGS.items() if own["time_gap"] == SETTINGS[drivers.planner]["time_gap"]]
         raise InputError(
             f"planner {planner}",
@@ -276,22 +280,6 @@ def check_planner(drivers: Drivers, planner: str) -> None:
 def _population(name: str, medians: Mapping[str, float], sd: float) -> Drivers:
     logs = {key: Distribution(value, sd, "log", *PARAMETERS[key]) for key, value in medians.items() if value > 0.0}
     return Drivers(name, {key: logs[key] for key in PARAMETERS if key in logs})
-
-
-#: Populations by name. `house`: around the defaults of `idm`; `calm`: more room, softer; `brisk`: less room, harder.
-POPULATIONS: Mapping[str, Drivers] = MappingProxyType(
-    {
-        "house": _population(
-            "house", {"time_gap": 1.0, "minimum_gap": 2.0, "acceleration": 1.0, "deceleration": 1.5}, 0.25
-        ),
-        "calm": _population(
-            "calm", {"time_gap": 1.6, "minimum_gap": 2.6, "acceleration": 0.8, "deceleration": 1.2}, 0.15
-        ),
-        "brisk": _population(
-            "brisk", {"time_gap": 0.8, "minimum_gap": 1.6, "acceleration": 1.6, "deceleration": 2.2}, 0.15
-        ),
-    }
-)
 
 
 def read_drivers(spec: str | Drivers) -> Drivers:
@@ -426,3 +414,27 @@ def _correlated(given: object) -> tuple[str, str, float]:
     if one == other or not -1.0 < value < 1.0:
         raise InputError("correlation", f"two parameters and a number between -1 and 1 are needed, not {given!r}")
     return one, other, value
+
+
+def _shipped(name: str) -> Drivers:
+    """A population that was fitted and is part of the package."""
+    file = Path(__file__).parent / "populations" / f"{name}.toml"
+    return _from_table(name, tomllib.loads(file.read_text(encoding="utf-8")))
+
+
+#: Populations by name. `house`: around the defaults of `idm`; `calm`: more room, softer; `brisk`: less room, harder.
+#: `calibrated`: fitted to recordings, see its provenance.
+POPULATIONS: Mapping[str, Drivers] = MappingProxyType(
+    {
+        "house": _population(
+            "house", {"time_gap": 1.0, "minimum_gap": 2.0, "acceleration": 1.0, "deceleration": 1.5}, 0.25
+        ),
+        "calm": _population(
+            "calm", {"time_gap": 1.6, "minimum_gap": 2.6, "acceleration": 0.8, "deceleration": 1.2}, 0.15
+        ),
+        "brisk": _population(
+            "brisk", {"time_gap": 0.8, "minimum_gap": 1.6, "acceleration": 1.6, "deceleration": 2.2}, 0.15
+        ),
+        "calibrated": _shipped("calibrated"),
+    }
+)
