@@ -415,6 +415,20 @@ def test_traffic_that_replays_makes_no_errors_of_drivers():
     assert Space().with_traffic("idm") == Space()
 
 
+def test_a_file_that_cannot_be_read_or_has_no_pair_is_left_out_and_named(file, tmp_path):
+    folder = tmp_path / "files"
+    folder.mkdir()
+    shutil.copy(file, folder / "leader.xml")
+    (folder / "broken.xml").write_text("<commonRoad")
+    idr.write_scenario(world(straight_road(400.0), cars=[Car(7, 20.0, velocity=12.0)], steps=80), folder / "alone.xml")
+    found = searched(folder, tmp_path / "out", runs=1, agent_id=None, planner="idm")
+    alone, broken = found.left_out
+    assert alone == "alone: 1 vehicle that can be an agent, and a search needs another one near"
+    assert "broken.xml" in broken
+    with pytest.raises(InputError, match=r"nothing to search: alone: .*; .*broken\.xml"):
+        searched([folder / "alone.xml", folder / "broken.xml"], tmp_path / "none", agent_id=None)
+
+
 def test_one_line_makes_a_test_case_of_a_failure(done):
     names = [str(failure) for failure in idr.failures(done[1])]
     assert names == [f"{number:03d}" for number in range(1, len(names) + 1)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 
 from interdrive.cli.arguments import shown
-from interdrive.cli.report import output, print_table, table_of
+from interdrive.cli.report import NOTES_MAX, output, print_table, table_of
 from interdrive.cli.terminal import say
 from interdrive.failure_search import HEAD
 from interdrive.failure_search.rates import YIELD_HEAD
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 def print_found(found: Found, out: Path) -> None:
     """Prints what a search found, what its runs brought, and the rate of failures with its interval."""
-    for left_out in found.left_out:
+    for left_out in found.left_out[:NOTES_MAX]:
         say(f"left out: {left_out}")
+    if len(found.left_out) > NOTES_MAX:
+        say(f"left out: {len(found.left_out) - NOTES_MAX} more")
     for name in found.undisturbed:
         say(f"{name} fails without any disturbance")
     for one in found.failures:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 NEAR = 30.0
 _SAME_IDS = "vehicles have the ids of parts of the road, so a file of a failure would name them otherwise"
 #: A process keeps so many scenarios.
-_AT_HAND = 64
+_AT_HAND = 256
 
 
 @lru_cache(maxsize=_AT_HAND)
@@ -63,7 +63,11 @@ def pairs_of(
     """
     found, files, left_out = [], [], []
     for path in paths:
-        scenario = scenario_at(str(path))
+        try:
+            scenario = scenario_at(str(path))
+        except InputError as error:
+            left_out.append(str(error))
+            continue
         _, _, roads = road_elements(scenario)
         if not set(roads).isdisjoint(scenario.obstacles.ids.tolist()):
             left_out.append(f"{scenario.name}: {_SAME_IDS}")
@@ -71,13 +75,12 @@ def pairs_of(
         files.append([scenario.name, scenario.sha256])
         own = pairs(scenario, str(path), n_others)
         chosen = [pair for pair in own if agent_id is None or pair.agent_id == agent_id]
-        if not chosen:
+        if not chosen and (agent_id is None or len(paths) == 1):
             left_out.append(f"{scenario.name}: {_no_pair(scenario, agent_id)}")
         found += chosen
     if not found:
-        raise InputError(f"nothing to search: {'; '.join(left_out[:3])}{'; ...' if len(left_out) > 3 else ''}")
-    if agent_id is not None:
-        left_out = [line for line in left_out if line.endswith(_SAME_IDS)]
+        why = left_out or [f"agent {agent_id}: no vehicle of these files that can be an agent with another one near"]
+        raise InputError(f"nothing to search: {'; '.join(why[:3])}{'; ...' if len(why) > 3 else ''}")
     return found, files, left_out
 
 
