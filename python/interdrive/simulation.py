@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from interdrive.run import Demand, Orders, Outcomes, RunSettings, States
     from interdrive.scenario.agents import Agent
     from interdrive.scoring.hits import Hit
+    from interdrive.sumo import traffic as sumo_traffic
 
 T = TypeVar("T")
 
@@ -119,6 +120,8 @@ class Simulation:
         self.seed = seed
         self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw), source=of_files)
         self._agents_wanted = normalized(agents)
+        if self.settings.traffic.is_on and self.scenario.sumo is not None:
+            raise InputError(f"{self.scenario.name}: SUMO makes its traffic; leave out --traffic")
         if self.settings.traffic.is_on and self._agents_wanted == 0:
             self.scenario = map_alone(self.scenario)
         road_settings = self.settings.road
@@ -148,6 +151,7 @@ class Simulation:
         self._usual_planner = config.default.planner
         self._notes += notes
         self._workers: Workers | None = None
+        self._sumo: sumo_traffic.Traffic | None = None
         self.reset()
 
     @property
@@ -205,6 +209,7 @@ class Simulation:
             profile=record.profile,
         )
         self._plan_ages = PlanAges() if self.world.equipped else None
+        self._start_sumo()
         self._start_workers()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
@@ -258,11 +263,13 @@ class Simulation:
         if self._candidate_log is not None:
             self._candidate_log.add(world, step)
         driving = set(world.driving) if self.settings.collision.not_at_fault == "hitter_leaves" else set()
-        world.advance(step)
+        world.advance(step, None if self._sumo is None else self._sumo.step(time_step, *world.next_of(step)))
         if driving:
             self._let_go_of_hit_agents(driving)
         if world.is_done:
             self._stop_workers()
+            if self._sumo is not None:
+                self._sumo.close()
         self._timings.append((time_step, step.seconds))
 
     def _let_go_of_hit_agents(self, driving: Set[int]) -> None:
@@ -272,9 +279,12 @@ class Simulation:
         if ended:
             from interdrive.scoring.hits import hits_among  # noqa: PLC0415 - few runs have contacts
 
+            partners = dict(zip(raw["agent_id"].tolist(), raw["partner_id"].tolist(), strict=True))
             for hit in hits_among(self._recorded(with_violations=True), ended):
                 self.world.drive_on(hit.agent_id)
                 self._hits.append(hit)
+                if self._sumo is not None:
+                    self._sumo.leave(partners[hit.agent_id])
 
     def _begin_step(self) -> _core.Step:
         """A step up to the plans of the core."""
@@ -286,10 +296,23 @@ class Simulation:
     def _predict(self, scene: _core.Scene) -> _core.Predictions:
         return self._predictor.predict(self.world, scene, self._n_predicted)
 
+    def _start_sumo(self) -> None:
+        """Starts SUMO, if it drives traffic, and places its participants."""
+        if self._sumo is not None:
+            self._sumo.close()
+        if self.scenario.sumo is not None:
+            from interdrive.sumo import traffic as sumo_traffic  # noqa: PLC0415 - few runs have it
+
+            self._sumo = sumo_traffic.Traffic(self.scenario, self.agents, self.settings.sumo.radius, self.seed)
+            self.world.place_outside(self._sumo.first(self.world.time_step))
+
     def _start_workers(self) -> None:
         """Moves planners in Python that allow it to separate processes."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
         if self._raises or not willing:
+            return
+        if self._sumo is not None:
+            self._planner_notes.append("planners in Python run in this process: SUMO drives traffic")
             return
         make = {i: self._configs[i].planner.make for i in willing}
         unfit = [i for i in willing if not can_be_sent(make[i])]
@@ -387,6 +410,8 @@ class Simulation:
                     on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
         except KeyboardInterrupt:
             self._stop_workers()
+            if self._sumo is not None:
+                self._sumo.close()
             raise RunInterrupted(self.record()) from None
         return self.record()
 
@@ -451,6 +476,7 @@ class Simulation:
             notes=(
                 *self._ended_early(outcomes),
                 *self._notes,
+                *(() if self._sumo is None else self._sumo.notes()),
                 *self._planner_notes,
                 *cooperation_notes(self.settings.v2x, self.world.equipped, plans, self.scenario.dt),
                 *(

@@ -183,6 +183,19 @@ impl Recording {
         self.columns.push_back(column);
     }
 
+    /// The states of the last time step were others.
+    pub(crate) fn replace_last(&mut self, states: &[Option<State>]) {
+        if let Some(column) = self.columns.back_mut() {
+            column.clear();
+            column.extend_from_slice(states);
+        }
+    }
+
+    /// More participants, with ids above all before; they were absent until now.
+    pub(crate) fn append_ids(&mut self, ids: impl Iterator<Item = i64>) {
+        self.ids.extend(ids);
+    }
+
     /// State of a row at the last time step.
     pub(crate) fn last_state(&self, row: usize) -> Option<State> {
         self.columns.back().and_then(|states| states.get(row).copied().flatten())

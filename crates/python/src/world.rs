@@ -12,8 +12,8 @@ use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Obstruction, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
-use interdrive_core::world::{Agent, Clock, Queue, Step, World, WorldSettings};
-use numpy::PyReadonlyArray1;
+use interdrive_core::world::{Agent, Clock, Outside, Queue, Step, World, WorldSettings};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
@@ -36,6 +36,32 @@ use crate::view::{KnownBody, ProgressParts, PyView, progress};
 /// row-major, its mask.
 type SceneParts<'py> =
     (i64, Vec<usize>, Vec<f64>, i64, usize, [PyReadonlyArray1<'py, f64>; 6], PyReadonlyArray1<'py, bool>);
+
+/// Participants that are driven from outside: the new ones (id, code of the kind, length, width), the ids of all that are
+/// there, their states of shape (participants, 6), the ids of those that jumped.
+type OutsideParts<'py> = (Vec<(i64, i64, f64, f64)>, Vec<i64>, PyReadonlyArray2<'py, f64>, Vec<i64>);
+
+fn outside((new, ids, states, jumped): OutsideParts<'_>) -> PyResult<Outside> {
+    if states.shape() != [ids.len(), 6] {
+        let n = ids.len();
+        return Err(InputError::new_err(format!("outside: states of shape {:?}, not ({n}, 6)", states.shape())));
+    }
+    let shape = |kind, length: f64, width| match kind {
+        ParticipantKind::Pedestrian => Shape::circle(0.5 * length),
+        _ => Shape::rectangle(length, width),
+    };
+    let new = new.into_iter().map(|(id, kind, length, width)| {
+        let kind = ParticipantKind::from_code(kind).map_err(exception)?;
+        Ok((id, kind, shape(kind, length, width)))
+    });
+    let rows = states.as_array();
+    let state = |row: usize| {
+        let [x, y, orientation, velocity, acceleration, yaw_rate] = [0, 1, 2, 3, 4, 5].map(|field| rows[[row, field]]);
+        State { x, y, orientation, velocity, acceleration, yaw_rate }
+    };
+    let states = ids.iter().enumerate().map(|(row, id)| (*id, state(row))).collect();
+    Ok(Outside { new: new.collect::<PyResult<_>>()?, states, jumped })
+}
 
 #[pyclass(frozen, name = "Agent", module = "interdrive._core")]
 pub struct PyAgent(pub Agent);
@@ -260,12 +286,29 @@ impl PyWorld {
         self.0.replace_driver(agent_id, driver(name)?).map_err(exception)
     }
 
-    /// Ends a step: moves all participants.
-    fn advance(&mut self, py: Python<'_>, step: &mut PyStep) -> PyResult<()> {
+    /// Adds participants that are driven from outside and are there before the first step.
+    fn place_outside(&mut self, parts: OutsideParts<'_>) -> PyResult<()> {
+        self.0.place_outside(&outside(parts)?).map_err(exception)
+    }
+
+    /// Where the agents will be after a step, if they do not end by their plans: ids, and states of shape (agents, 6).
+    fn next_of<'py>(&self, py: Python<'py>, step: &PyStep) -> PyResult<(Vec<i64>, Bound<'py, PyAny>)> {
+        let next = self.0.next_of(&step.step.plans).map_err(exception)?;
+        let flat = next.iter().flat_map(|(_, state)| {
+            [state.x, state.y, state.orientation, state.velocity, state.acceleration, state.yaw_rate]
+        });
+        let states = arrays::grid(py, flat.collect(), [next.len(), 6])?;
+        Ok((next.into_iter().map(|(id, _)| id).collect(), states))
+    }
+
+    /// Ends a step: moves all participants; among those driven from outside, if there are any.
+    #[pyo3(signature = (step, driven=None))]
+    fn advance(&mut self, py: Python<'_>, step: &mut PyStep, driven: Option<OutsideParts<'_>>) -> PyResult<()> {
         step.mark();
+        let driven = driven.map(outside).transpose()?.unwrap_or_default();
         let (world, plans) = (&mut self.0, &step.step.plans);
         let mut contacts = [None; 2];
-        detached(py, || world.step_marked(plans, || contacts = [contacts[1], Some(now())]))?;
+        detached(py, || world.step_among(plans, &driven, || contacts = [contacts[1], Some(now())]))?;
         step.mark();
         if let [Some(begin), Some(end)] = contacts {
             step.collision = Some(end - begin);

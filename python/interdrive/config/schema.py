@@ -16,6 +16,7 @@ from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario import SourceOptions
 from interdrive.scenario.agents import AgentSettings, GoalSettings
+from interdrive.sumo.settings import SumoSettings
 from interdrive.traffic.settings import TrafficSettings
 
 if TYPE_CHECKING:
@@ -121,6 +122,7 @@ class SimulationSettings:
         agents: Which vehicles may become agents.
         goal: Goals of recorded vehicles.
         traffic: Generated traffic.
+        sumo: Traffic by SUMO.
         planner: Native planners.
         predictor: Native predictors.
         view: What agents see.
@@ -137,6 +139,7 @@ class SimulationSettings:
     agents: AgentSettings = field(default_factory=AgentSettings)
     goal: GoalSettings = field(default_factory=GoalSettings)
     traffic: TrafficSettings = field(default_factory=TrafficSettings)
+    sumo: SumoSettings = field(default_factory=SumoSettings)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     predictor: PredictorSettings = field(default_factory=PredictorSettings)
     view: ViewSettings = field(default_factory=ViewSettings)

@@ -26,6 +26,7 @@ from interdrive.files.protobuf import PROTOBUF_ENDINGS, open_protobuf
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
 from interdrive.files.sources import SourceFile, recognised, scenario_of
+from interdrive.files.sumo_folder import is_sumo_folder, read_sumo_folder
 from interdrive.recordings import joined, repaired
 from interdrive.scenario import OptionValue, Scenario, SourceOptions
 from interdrive.scenario.limits import require_scenario
@@ -102,14 +103,16 @@ def read_source(path: str | os.PathLike[str], *, raw: bool = False, **options: O
 
 
 def is_source(path: Path) -> bool:
-    """Whether a file or folder is a map or a recording of another tool."""
+    """Whether a file or folder is a map, a recording or a scenario of another tool."""
     try:
-        return recognised(SourceFile(path)) is not None
+        return is_sumo_folder(path) or recognised(SourceFile(path)) is not None
     except (InputError, OSError):
         return False
 
 
 def _read_any(path: Path, options: SourceOptions, *, raw: bool) -> Scenario:
+    if is_sumo_folder(path):
+        return read_sumo_folder(path, functools.partial(read_document, raw=raw))
     file = SourceFile(path)
     found = recognised(file)
     if found is not None:

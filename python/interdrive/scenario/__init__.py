@@ -15,6 +15,7 @@ from interdrive.scenario.model import (
 )
 from interdrive.scenario.shape import Shape
 from interdrive.scenario.source_options import OptionValue, SourceOptions
+from interdrive.scenario.sumo import SumoTraffic
 
 __all__ = [
     "KINDS",
@@ -34,6 +35,7 @@ __all__ = [
     "Signal",
     "SourceOptions",
     "StopLine",
+    "SumoTraffic",
     "TrafficLight",
     "Turn",
 ]

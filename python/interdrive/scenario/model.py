@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from interdrive.array_types import Bools, Floats, Ints
     from interdrive.scenario.control import StopLine, TrafficLight
     from interdrive.scenario.shape import Shape
+    from interdrive.scenario.sumo import SumoTraffic
+
+T = TypeVar("T")
 
 
 def _freeze(instance: object) -> None:
@@ -132,6 +135,18 @@ class Obstacles:
     yaw_rate: Floats
     valid: Bools
     derived: tuple[tuple[str, ...], ...] = ()
+
+    def standing(self) -> Obstacles:
+        """Those that never move."""
+        rows = np.flatnonzero(self.is_static)
+
+        def kept(values: tuple[T, ...]) -> tuple[T, ...]:
+            return tuple(values[row] for row in rows.tolist()) if values else ()
+
+        tables = {name: getattr(self, name)[rows] for name in (*STATE_FIELDS, "valid", "ids", "is_static")}
+        return replace(
+            self, kinds=kept(self.kinds), shapes=kept(self.shapes), derived=kept(self.derived), **tables
+        )
 
     def __repr__(self) -> str:
         return f"<Obstacles: {len(self.ids)} over {self.x.shape[1]} time steps>"
@@ -291,6 +306,7 @@ class Scenario:
         turned: Angle by which all headings were turned when the file was read [rad].
         overlaps: Pairs of ids of recorded participants that overlap at some time; ascending.
         source: The files from which it was made; None: it is that of a CommonRoad file, or came from memory.
+        sumo: Traffic that SUMO drives; None: there is none.
     """
 
     name: str
@@ -311,6 +327,7 @@ class Scenario:
     turned: float = 0.0
     overlaps: tuple[tuple[int, int], ...] = ()
     source: ScenarioSource | None = None
+    sumo: SumoTraffic | None = None
 
     @property
     def overlapping(self) -> frozenset[int]:

@@ -135,23 +135,7 @@ def generated(
 
 def map_alone(scenario: Scenario) -> Scenario:
     """The scenario without planning problems and recorded traffic; what never moves stays."""
-    obstacles = scenario.obstacles
-    rows = np.flatnonzero(obstacles.is_static)
-
-    def kept(values: tuple[Any, ...]) -> tuple[Any, ...]:
-        return tuple(values[row] for row in rows.tolist()) if values else ()
-
-    tables: dict[str, Any] = {name: getattr(obstacles, name)[rows] for name in (*STATE_FIELDS, "valid")}
-    standing = replace(
-        obstacles,
-        ids=obstacles.ids[rows],
-        kinds=kept(obstacles.kinds),
-        shapes=kept(obstacles.shapes),
-        is_static=obstacles.is_static[rows],
-        derived=kept(obstacles.derived),
-        **tables,
-    )
-    return replace(scenario, obstacles=standing, planning_problems=(), overlaps=())
+    return replace(scenario, obstacles=scenario.obstacles.standing(), planning_problems=(), overlaps=())
 
 
 def _rates(scenario: Scenario, settings: TrafficSettings, graph: LaneGraph) -> dict[int, float]:

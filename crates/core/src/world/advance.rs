@@ -3,14 +3,13 @@
 use crate::barrier::Barrier;
 use std::collections::BTreeSet;
 
-use super::{Drive, StepMemory, StepSettings, World};
+use super::{Drive, Outside, StepMemory, StepSettings, World};
 use crate::collision::{Mover, departure, find_contacts};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
-use crate::plan::external_plan::check_plan;
 use crate::recording::{Outcome, OutcomeKind, Wait};
 use crate::scenario::GoalState;
-use crate::trajectory::{PlanStatus, Plans, State};
+use crate::trajectory::{Plans, State};
 
 /// Beyond the end of the goal's areas by this much [m], the goal is missed.
 const MISSED_MARGIN: f64 = 1.0;
@@ -32,8 +31,18 @@ impl World {
     ///
     /// # Errors
     /// As [`World::step`].
-    pub fn step_marked(&mut self, plans: &Plans, mut mark: impl FnMut()) -> Result<()> {
+    pub fn step_marked(&mut self, plans: &Plans, mark: impl FnMut()) -> Result<()> {
+        self.step_among(plans, &Outside::default(), mark)
+    }
+
+    /// The same among participants that are driven from outside, with their states one step later.
+    ///
+    /// # Errors
+    /// As [`World::step`]; `InvalidInput` for states that are not numbers, or for new ids that do not ascend from the
+    /// largest one; `UnknownId` for a state of somebody who was never new. The world is as it was then.
+    pub fn step_among(&mut self, plans: &Plans, outside: &Outside, mut mark: impl FnMut()) -> Result<()> {
         self.check_time_step("plans", plans.time_step)?;
+        self.check_outside(outside)?;
         if !self.driving_ids().eq(plans.ids.iter().copied()) {
             return Err(Error::invalid(format!(
                 "plans for agents {:?}, but {:?} are driving",
@@ -50,9 +59,16 @@ impl World {
         self.adopt(plans);
         self.send_messages(plans, &orders);
         let mut memory = std::mem::take(&mut self.step_memory);
+        if !(outside.new.is_empty() && outside.states.is_empty()) {
+            self.append_outside(outside);
+        }
         self.write_next_states(&mut memory.next);
+        let placed = self.outside_rows(outside);
+        placed.iter().for_each(|(row, state)| memory.next[*row] = Some(*state));
+        let entered: Vec<usize> =
+            placed.iter().map(|(row, _)| *row).filter(|row| self.states[*row].is_none()).collect();
         mark();
-        self.judge_contacts(&mut memory);
+        self.judge_contacts(&mut memory, &outside.jumped);
         self.judge_road(&memory.next, &mut memory.edges);
         mark();
         std::mem::swap(&mut self.states, &mut memory.next);
@@ -76,6 +92,7 @@ impl World {
         }
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);
+        entered.into_iter().for_each(|row| self.note_contacts_of(row));
         self.look_at_lights();
         self.recording.push(&self.states);
         for drive in &self.drives {
@@ -99,40 +116,22 @@ impl World {
 
     /// Adopts the plans; agents without one end.
     fn adopt(&mut self, plans: &Plans) {
-        let (time_step, dt) = (self.time_step, self.scenario.dt);
+        let time_step = self.time_step;
         for (row, id) in plans.ids.iter().enumerate() {
             let index = self.drive_index(*id).expect("checked against the driving agents");
-            let drive = &mut self.drives[index];
-            let now = self.states[drive.row].expect("a driving agent has a state");
-            let points = plans.row_points(row);
-            let length = points.iter().position(|point| !point.is_finite()).unwrap_or(points.len());
-            let end = |kind, message| Outcome { kind, time_step, message, ..drive.outcome };
-            match plans.status[row] {
-                PlanStatus::Infeasible => {
-                    drive.outcome = end(OutcomeKind::Infeasible, plans.message[row].clone());
-                    continue;
+            match self.adoption(&self.drives[index], plans, row) {
+                Ok(Some(length)) => {
+                    let (kept, made) = self.drives[index].plan.get_or_insert_default();
+                    kept.points.clear();
+                    kept.points.extend_from_slice(&plans.row_points(row)[..length]);
+                    *made = time_step;
                 }
-                PlanStatus::Error => {
-                    drive.outcome = end(OutcomeKind::PlannerError, plans.message[row].clone());
-                    continue;
-                }
-                PlanStatus::None => {
-                    drive.outcome = end(OutcomeKind::PlannerError, "the planner returned no plan".into());
-                    continue;
-                }
-                PlanStatus::Planned | PlanStatus::EmergencyBraking => {}
-            }
-            if length < 2 {
-                drive.outcome = end(OutcomeKind::PlannerError, "the plan has values that are not numbers".into());
-            } else if drive.keeps_plan(time_step, self.settings.step.replan_every) {
                 // The rest of the plan that it follows already.
-            } else if let Err(error) = check_plan(&points[..length], &now, &drive.agent.vehicle, dt) {
-                drive.outcome = end(OutcomeKind::PlannerError, error.to_string());
-            } else {
-                let (kept, made) = drive.plan.get_or_insert_default();
-                kept.points.clear();
-                kept.points.extend_from_slice(&points[..length]);
-                *made = time_step;
+                Ok(None) => {}
+                Err((kind, message)) => {
+                    let outcome = &mut self.drives[index].outcome;
+                    *outcome = Outcome { kind, time_step, message, ..outcome.clone() };
+                }
             }
         }
     }
@@ -149,9 +148,7 @@ impl World {
             }
         }
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
-            let (plan, made) = drive.plan.as_ref().expect("a driving agent has a plan");
-            let index = (self.time_step + 1 - made) as usize;
-            next[drive.row] = Some(plan.points[index.min(plan.points.len() - 1)]);
+            next[drive.row] = drive.next_state(self.time_step);
         }
     }
 
@@ -161,16 +158,14 @@ impl World {
         obstacles.states.get(row, time_step)
     }
 
-    fn judge_contacts(&mut self, StepMemory { next, moving, contacts, .. }: &mut StepMemory) {
+    fn judge_contacts(&mut self, StepMemory { next, moving, contacts, .. }: &mut StepMemory, jumped: &[i64]) {
         moving.clear();
         moving.extend((0..next.len()).filter(|row| self.states[*row].is_some() && next[*row].is_some()));
         let mover = |i: usize| {
             let row = moving[i];
-            Mover {
-                shape: &self.participants.shape[row],
-                from: self.states[row].expect("filtered").pose(),
-                to: next[row].expect("filtered").pose(),
-            }
+            let (from, to) = (self.states[row].expect("filtered").pose(), next[row].expect("filtered").pose());
+            let jumps = jumped.contains(&self.participants.ids[row]);
+            Mover { shape: &self.participants.shape[row], from: if jumps { to } else { from }, to }
         };
         let is_agent = &self.participants.is_agent;
         let relevant = |i: usize, j: usize| is_agent[moving[i]] || is_agent[moving[j]];
@@ -280,6 +275,9 @@ impl World {
         let gone = self.participants.ids.iter().position(|participant| *participant == partner).ok_or_else(unknown)?;
         self.recorded_row[gone] = None;
         self.states[gone] = None;
+        if gone >= self.n_own {
+            self.sent_away.insert(gone);
+        }
         self.entered_in_contact.retain(|(a, b)| *a != gone && *b != gone);
         self.judge_length();
         if self.drives[index].outcome.kind == OutcomeKind::Running {
@@ -367,7 +365,7 @@ impl World {
         }
     }
 
-    fn note_contacts_of(&mut self, row: usize) {
+    pub(super) fn note_contacts_of(&mut self, row: usize) {
         let participants = &self.participants;
         let pose = self.states[row].expect("entered").pose();
         for other in (0..self.states.len()).filter(|other| *other != row) {
@@ -383,6 +381,13 @@ impl World {
 }
 
 impl Drive {
+    /// Its state one step later by the plan that it follows.
+    pub(super) fn next_state(&self, time_step: i64) -> Option<State> {
+        let (plan, made) = self.plan.as_ref()?;
+        let index = (time_step + 1 - made) as usize;
+        Some(plan.points[index.min(plan.points.len() - 1)])
+    }
+
     /// It is not yet time for a new plan, and the last one still has points to follow.
     pub(super) fn keeps_plan(&self, time_step: i64, replan_every: usize) -> bool {
         self.plan.as_ref().is_some_and(|(plan, made)| {

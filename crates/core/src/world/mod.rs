@@ -5,6 +5,7 @@ mod advance;
 mod cooperation;
 mod entry;
 mod ordering;
+mod outside;
 mod people;
 mod narrow_places;
 mod planning;
@@ -42,6 +43,7 @@ use crate::trajectory::{Predictions, State, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use entry::Queue;
+pub use outside::Outside;
 pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
 pub(crate) use staging::check_agents;
@@ -210,6 +212,10 @@ pub struct World {
     participants: Arc<Participants>,
     /// Row of the recorded obstacle behind each participant; `None` for agents.
     recorded_row: Vec<Option<usize>>,
+    /// Rows from here on are driven from outside.
+    n_own: usize,
+    /// Rows of those from outside that left after a contact.
+    sent_away: BTreeSet<usize>,
     drives: Vec<Drive>,
     first_time_step: i64,
     time_step: i64,

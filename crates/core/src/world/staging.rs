@@ -97,6 +97,8 @@ impl World {
             recording: Recording::new(Vec::new(), first_time_step),
             participants: Arc::default(),
             recorded_row: Vec::new(),
+            n_own: 0,
+            sent_away: BTreeSet::new(),
             drives: Vec::new(),
             first_time_step,
             time_step: first_time_step,
@@ -156,7 +158,8 @@ impl World {
         self.recording.restart(&participants.ids, first_time_step, columns_max);
         self.states.clear();
         self.states.resize(participants.ids.len(), None);
-        (self.participants, self.recorded_row) = (Arc::new(participants), recorded_row);
+        (self.n_own, self.participants, self.recorded_row) = (recorded_row.len(), Arc::new(participants), recorded_row);
+        self.sent_away.clear();
         (self.first_time_step, self.time_step) = (first_time_step, first_time_step);
         self.recording_end = recording_end(scenario);
         self.entered_in_contact.clear();

@@ -3,6 +3,7 @@
 mod contacts;
 mod cooperation;
 mod goals;
+mod outside;
 mod plans;
 mod queues;
 

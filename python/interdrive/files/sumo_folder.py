@@ -1,0 +1,217 @@
+"""Folders that hold a scenario for SUMO: its configuration, net and routes, and a CommonRoad file with the planning
+problems.
+"""
+
+from __future__ import annotations
+
+import itertools
+import posixpath
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import tostring
+
+import numpy as np
+
+from interdrive.errors import InputError
+from interdrive.files.sources.opening import SourceFile
+from interdrive.files.sumo_config import NotUnderstoodError, values_of
+from interdrive.scenario import Scenario, ScenarioSource, SumoTraffic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from xml.etree.ElementTree import Element
+
+#: Name of the format in run.json.
+FORMAT = "SUMO scenario"
+_CONFIGS = ("*.sumo.cfg", "*.sumocfg")
+_ROADS = "*.cr.xml"
+_PICKLE = "simulation_config.p"
+#: The boxes around the net and around the lanelets may differ by this [m].
+_APART = 50.0
+#: Steps of SUMO that make up a time step may differ from it by this share.
+_ROUNDING = 1e-6
+#: Names of inputs that SUMO also knows by one letter.
+_SHORT = {"n": "net-file", "r": "route-files", "a": "additional-files"}
+
+
+def is_sumo_folder(path: Path) -> bool:
+    """Whether a folder holds a configuration of SUMO."""
+    return path.is_dir() and any(next(path.glob(pattern), None) for pattern in _CONFIGS)
+
+
+def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenario]) -> Scenario:
+    """The scenario of a folder: roads, what never moves and planning problems of its .cr.xml; the traffic is SUMO's.
+
+    Args:
+        path: The folder.
+        read_roads: Reads a CommonRoad document from its content, its name and its path.
+
+    Raises:
+        InputError: A file is missing or lies elsewhere, or the files do not belong together; one line names it.
+    """
+    file = SourceFile(path)
+    config = _only(file, _CONFIGS, "a configuration of SUMO (*.sumo.cfg)")
+    roads = _only(file, (_ROADS,), "a CommonRoad file (*.cr.xml)")
+    where = path / config
+    document = SourceFile(where).document()
+    data = {config: file.beside(config)}
+    named = _inputs(document, where)
+    for option, names in named.items():
+        for name in names:
+            if not (path / name).is_file():
+                raise InputError(f"{where}: names {name} ({option}), which is not there; put it there")
+            data[name] = file.beside(name)
+    if len(named.get("net-file", ())) != 1:
+        raise InputError(f"{where}: names no net; give net-file")
+    said, notes = _said(path, file)
+    content = _with_own_ids(file.beside(roads), path / roads, notes)
+    scenario = read_roads(content, str(path / roads), path / roads)
+    net = SourceFile.within(path / named["net-file"][0], data[named["net-file"][0]]).document()
+    offset = _offset(net)
+    _check_place(scenario, net, offset, path / named["net-file"][0])
+    moving = int((~scenario.obstacles.is_static).sum())
+    if moving:
+        notes.append(f"{moving} recorded vehicles are left out: SUMO drives its own")
+    if net.find("tlLogic") is not None:
+        notes.append("SUMO's traffic lights are obeyed by SUMO's vehicles alone")
+    sumo = SumoTraffic(
+        config=config,
+        files=tuple(data.items()),
+        seed=_whole(said, "random_seed", 0),
+        delta_steps=_delta(document, said, scenario.dt, where),
+        presimulation_steps=_whole(said, "presimulation_steps", 0),
+        lateral_resolution=_sublanes(document, said),
+        offset=offset,
+    )
+    hashes = dict(file.files)
+    first = {roads: hashes.pop(roads)}
+    return replace(
+        scenario,
+        name=path.name,
+        path=path,
+        sha256=first[roads],
+        obstacles=scenario.obstacles.standing(),
+        notes=(*scenario.notes, *notes),
+        overlaps=(),
+        source=ScenarioSource(FORMAT, (*first.items(), *hashes.items())),
+        sumo=sumo,
+    )
+
+
+def _only(file: SourceFile, patterns: tuple[str, ...], what: str) -> str:
+    found = sorted({name for pattern in patterns for name in file.names(pattern)})
+    if len(found) != 1:
+        there = f"there are {', '.join(found)}" if found else "there is none"
+        raise InputError(f"{file.path}: needs {what}, {there}")
+    return found[0]
+
+
+def _with_own_ids(content: bytes, where: Path, notes: list[str]) -> bytes:
+    """The document; incoming elements of intersections that share ids, as the converters of these scenarios number them
+    by intersection, have their own.
+    """
+    root = SourceFile.within(where, content).document()
+    numbers = [element.get("id", "") for element in root.iter("incoming")]
+    if len(set(numbers)) == len(numbers):
+        return content
+    taken = [int(number) for element in root.iter() if (number := element.get("id", "")).isdecimal()]
+    following = itertools.count(max(taken, default=0) + 1)
+    for intersection in root.iter("intersection"):
+        own = {element.get("id", ""): str(next(following)) for element in intersection.iterfind("incoming")}
+        for element in intersection.iter():
+            for name, number in (("incoming", "id"), ("isLeftOf", "ref")):
+                if element.tag == name and element.get(number, "") in own:
+                    element.set(number, own[element.get(number, "")])
+    notes.append(f"{len(numbers)} incoming elements of intersections share ids: they have new ones")
+    return tostring(root)
+
+
+def _inputs(document: Element, where: Path) -> dict[str, list[str]]:
+    """Files that a configuration reads, by option.
+
+    Raises:
+        InputError: It reads or writes a file outside its folder.
+    """
+    found: dict[str, list[str]] = {}
+    for section in ("input", "output"):
+        for element in document.iterfind(f"{section}/*"):
+            names = [name.strip() for name in (element.get("value") or element.get("v") or "").split(",")]
+            option = _SHORT.get(element.tag, element.tag)
+            for name in names:
+                if posixpath.isabs(name) or ".." in name.replace("\\", "/").split("/"):
+                    raise InputError(f"{where}: names {name} ({option}), which lies outside its folder; put it there")
+            if section == "input" and option in _SHORT.values():
+                found.setdefault(option, []).extend(name for name in names if name)
+    return found
+
+
+def _said(path: Path, file: SourceFile) -> tuple[dict[str, Any], list[str]]:
+    """What simulation_config.p says, and notes."""
+    if not (path / _PICKLE).is_file():
+        return {}, []
+    try:
+        return values_of(file.beside(_PICKLE)), []
+    except NotUnderstoodError as error:
+        return {}, [f"{_PICKLE} is not understood ({error}): defaults are used"]
+
+
+def _whole(said: dict[str, Any], name: str, usual: int) -> int:
+    value = said.get(name, usual)
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31 else usual
+
+
+def _number(document: Element, option: str) -> float | None:
+    element = document.find(f".//{option}")
+    try:
+        return None if element is None else float(element.get("value") or element.get("v") or "")
+    except ValueError:
+        return None
+
+
+def _sublanes(document: Element, said: dict[str, Any]) -> float:
+    value = said.get("lateral_resolution", _number(document, "lateral-resolution"))
+    return float(value) if isinstance(value, int | float) and value > 0.0 else 0.0
+
+
+def _delta(document: Element, said: dict[str, Any], dt: float, where: Path) -> int:
+    """Steps of SUMO per time step.
+
+    Raises:
+        InputError: They do not make up a time step.
+    """
+    if "delta_steps" in said:
+        return max(1, _whole(said, "delta_steps", 1))
+    length = _number(document, "step-length") or dt
+    steps = dt / length
+    if steps < 1.0 - _ROUNDING or abs(steps - round(steps)) > _ROUNDING * steps:
+        raise InputError(f"{where}: step-length {length:g} s does not divide the time step of {dt:g} s; change it")
+    return round(steps)
+
+
+def _offset(net: Element) -> tuple[float, float]:
+    location = net.find("location")
+    x, y = _numbers("" if location is None else location.get("netOffset", ""), 2) or (0.0, 0.0)
+    return x, y
+
+
+def _check_place(scenario: Scenario, net: Element, offset: tuple[float, float], where: Path) -> None:
+    """Raises InputError if net and lanelets lie elsewhere."""
+    location = net.find("location")
+    box = _numbers("" if location is None else location.get("convBoundary", ""), 4)
+    if box is None or not len(scenario.lanelets.ids):
+        return
+    points = np.concatenate([*scenario.lanelets.left, *scenario.lanelets.right])
+    own = (*points.min(axis=0), *points.max(axis=0))
+    there = (box[0] - offset[0], box[1] - offset[1], box[2] - offset[0], box[3] - offset[1])
+    apart = max(abs(a - b) for a, b in zip(own, there, strict=True))
+    if apart > _APART:
+        raise InputError(f"{where}: the net lies up to {apart:.0f} m from the lanelets; give files of one scenario")
+
+
+def _numbers(text: str, count: int) -> tuple[float, ...] | None:
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return None
+    return found if len(found) == count and all(np.isfinite(found)) else None

@@ -1,0 +1,242 @@
+"""SUMO's participants as those of a run: ids, kinds, states of their centres; agents as vehicles of SUMO."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from interdrive import _core
+from interdrive.scenario import KINDS
+from interdrive.sumo.process import Process
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from interdrive.array_types import Floats
+    from interdrive.scenario import Scenario
+    from interdrive.scenario.agents import Agent
+
+#: What `_core.World.advance` takes: new participants, ids, states of shape (ids, 6), ids of those that jumped.
+Outside = tuple[list[tuple[int, int, float, float]], list[int], "Floats", list[int]]
+
+#: Kinds by SUMO's classes of vehicles.
+KIND_OF_CLASS = {
+    "passenger": "car", "private": "car", "evehicle": "car", "hov": "car",
+    "truck": "truck", "trailer": "truck", "delivery": "truck",
+    "bus": "bus", "coach": "bus",
+    "motorcycle": "motorcycle", "moped": "motorcycle",
+    "bicycle": "bicycle", "taxi": "taxi", "emergency": "priority_vehicle", "pedestrian": "pedestrian",
+    "tram": "train", "rail": "train", "rail_urban": "train", "rail_electric": "train", "rail_fast": "train",
+}  # fmt: skip
+#: A participant that comes farther than its speed allows by this jumps [m].
+_JUMP = 0.5
+#: Speed from which on a participant heads where it moves in its lane [m/s].
+_HEADING_SPEED = 1.0
+#: A participant that is nearer to an agent that enters leaves [m].
+_CLEAR = 1.0
+#: A participant that was there leaves if it is farther away than the radius by this [m].
+_HYSTERESIS = 20.0
+
+
+class _Known(NamedTuple):
+    """A participant of SUMO that has been in the run, or is near."""
+
+    kind: str
+    length: float
+    width: float
+
+
+@dataclass
+class _There:
+    """Where it is now: centre, heading, speed, acceleration, yaw rate; and its front as SUMO has it."""
+
+    state: tuple[float, float, float, float, float, float]
+    front: tuple[float, float]
+
+
+class Traffic:
+    """SUMO's side of a run.
+
+    Attributes:
+        version: Version of SUMO.
+        names: SUMO's name of every participant that was in the run, by id.
+        jumps: How often participants jumped.
+        cleared: SUMO's names of participants that left because an agent entered where they were.
+    """
+
+    def __init__(self, scenario: Scenario, agents: Sequence[Agent], radius: float, seed: int) -> None:
+        """Starts SUMO.
+
+        Args:
+            scenario: One with `sumo`.
+            agents: Of the run.
+            radius: Participants of SUMO that are farther from every agent are left out [m].
+            seed: Seed of the run.
+
+        Raises:
+            MissingExtraError: SUMO is not installed.
+            SumoError: It does not start.
+        """
+        assert scenario.sumo is not None
+        self._sumo, self._dt, self._radius = scenario.sumo, scenario.dt, radius
+        self._agents = {agent.id: agent for agent in agents}
+        taken = [*scenario.obstacles.ids.tolist(), *self._agents, *scenario.lanelets.ids.tolist(), 0]
+        self._next_id = 10 ** len(str(max(taken)))
+        self._placed: set[int] = set()
+        self._near: set[str] = set()
+        self._begin = 0
+        self._kinds: dict[str, _Known] = {}
+        self._there: dict[str, _There] = {}
+        self._numbers: dict[str, int] = {}
+        self._leaving: list[str] = []
+        self.names: dict[int, str] = {}
+        self.jumps = 0
+        self.cleared: list[str] = []
+        self._process = Process(scenario.sumo, scenario.dt, seed)
+        self.version = self._process.version
+        self._take(self._process.first)
+
+    def first(self, time_step: int) -> Outside:
+        """Participants of SUMO at the first time step, without those in the way of agents that enter now."""
+        self._begin = time_step
+        entering = [agent for agent in self._agents.values() if agent.initial_state.time_step == time_step]
+        for agent in entering:
+            self._clear(agent, _pose(agent))
+        return self._outside([_pose(agent)[:2] for agent in self._agents.values()], [])
+
+    def leave(self, number: int) -> None:
+        """Lets a participant of SUMO leave before the next time step; another one is left alone."""
+        if number in self.names:
+            self._leaving.append(self.names[number])
+
+    def step(self, time_step: int, ids: Sequence[int], states: Floats) -> Outside:
+        """SUMO's participants one time step later, after it has moved all at once.
+
+        Args:
+            time_step: Now.
+            ids: Agents that go on.
+            states: Where they will be, shape (ids, 6).
+
+        Raises:
+            SumoError: SUMO has ended.
+        """
+        poses = {number: state for number, state in zip(ids, states.tolist(), strict=True)}
+        new = [number for number in ids if number not in self._placed]
+        if time_step > self._begin:
+            for number in new:
+                self._clear(self._agents[number], tuple(poses[number][:3]))
+        fronts = {number: self._front(number, state) for number, state in poses.items()}
+        request = {
+            "ended": sorted(self._placed - set(ids)),
+            "leaving": self._leaving,
+            "new": [(number, *_size(self._agents[number]), *fronts[number][:2]) for number in new],
+            "agents": [(number, *fronts[number], max(0.0, poses[number][3])) for number in ids],
+            "lights": [],
+        }
+        self._placed = set(ids)
+        before = self._there
+        self._take(self._process.step(request, time_step))
+        self._leaving = []
+        waiting = [a for a in self._agents.values() if a.initial_state.time_step > time_step + 1]
+        places = [*(tuple(state[:2]) for state in poses.values()), *(_pose(agent)[:2] for agent in waiting)]
+        jumped = [name for name, one in self._there.items() if name in before and self._jumps(before[name], one)]
+        return self._outside(places, jumped)
+
+    def close(self) -> None:
+        """Ends SUMO."""
+        self._process.close()
+
+    def notes(self) -> list[str]:
+        """What users should know of it, one line each."""
+        found = [f"traffic by {_name(self.version)}, seed {self._sumo.seed} and that of the run"]
+        if self.jumps:
+            found.append(
+                f"SUMO's vehicles jumped {self.jumps} times by more than their speed allows: contacts on the way of a "
+                "jump do not count"
+            )
+        if self.cleared:
+            found.append(f"SUMO's {', '.join(self.cleared)} left because agents entered where they were")
+        return found
+
+    def _take(self, answer: dict[str, Any]) -> None:
+        """Where SUMO's participants are now."""
+        for name, kind, length, width in answer["new"]:
+            self._kinds[name] = _Known(KIND_OF_CLASS.get(kind, "unknown"), max(length, 0.1), max(width, 0.1))
+        before, self._there = self._there, {}
+        gone = set(self._leaving)
+        for name, x, y, angle, across, speed, acceleration in answer["there"]:
+            if name in gone:
+                continue
+            heading = math.radians(90.0 - angle)
+            half = 0.5 * self._kinds[name].length
+            dx, dy = self._sumo.offset
+            turned = heading + (math.atan2(across, speed) if speed > _HEADING_SPEED else 0.0)
+            turned = math.remainder(turned, math.tau)
+            known = before.get(name)
+            turning = 0.0 if known is None else math.remainder(turned - known.state[2], math.tau) / self._dt
+            center = x - half * math.cos(heading) - dx, y - half * math.sin(heading) - dy
+            self._there[name] = _There((*center, turned, speed, acceleration, turning), (x, y))
+
+    def _jumps(self, before: _There, now: _There) -> bool:
+        way = math.dist(before.state[:2], now.state[:2])
+        return way > max(before.state[3], now.state[3]) * self._dt + _JUMP
+
+    def _outside(self, places: list[tuple[float, ...]], jumped: list[str]) -> Outside:
+        """Those near agents, as the core takes them."""
+        near = [name for name in sorted(self._there) if self._is_near(name, places)]
+        new = [name for name in near if name not in self._numbers]
+        for name in new:
+            self._numbers[name] = self._next_id
+            self.names[self._next_id] = name
+            self._next_id += 1
+        self._near = set(near)
+        near.sort(key=self._numbers.__getitem__)
+        kinds = [(self._numbers[name], *self._kinds[name]) for name in new]
+        moved = [self._numbers[name] for name in jumped if name in self._near and name not in new]
+        self.jumps += len(moved)
+        states = np.array([self._there[name].state for name in near], dtype=np.float64).reshape(len(near), 6)
+        return [(n, KINDS.index(kind), *size) for n, kind, *size in kinds], [self._numbers[n] for n in near], states, moved
+
+    def _is_near(self, name: str, places: list[tuple[float, ...]]) -> bool:
+        if math.isinf(self._radius):
+            return True
+        x, y = self._there[name].state[:2]
+        reach = self._radius + (_HYSTERESIS if name in self._near else 0.0)
+        return any(math.hypot(x - place[0], y - place[1]) <= reach for place in places)
+
+    def _clear(self, agent: Agent, pose: tuple[float, ...]) -> None:
+        """Removes who is in the way of an agent that enters."""
+        own = _core.Shape.rectangle(*_size(agent))
+        for name, one in sorted(self._there.items()):
+            kind = self._kinds[name]
+            reach = 0.5 * (math.hypot(*_size(agent)) + math.hypot(kind.length, kind.width)) + _CLEAR
+            if math.dist(pose[:2], one.state[:2]) > reach:
+                continue
+            body = _core.Shape.rectangle(kind.length, kind.width)
+            if own.distance((pose[0], pose[1], pose[2]), body, one.state[:3]) < _CLEAR:
+                self._leaving.append(name)
+                self.cleared.append(name)
+                del self._there[name]
+
+    def _front(self, number: int, state: Sequence[float]) -> tuple[float, float, float]:
+        """Front of an agent in SUMO's coordinates, and SUMO's angle."""
+        x, y, heading = state[:3]
+        half, (dx, dy) = 0.5 * _size(self._agents[number])[0], self._sumo.offset
+        angle = (90.0 - math.degrees(heading)) % 360.0
+        return x + half * math.cos(heading) + dx, y + half * math.sin(heading) + dy, angle
+
+
+def _pose(agent: Agent) -> tuple[float, float, float]:
+    state = agent.initial_state
+    return state.x, state.y, state.orientation
+
+
+def _size(agent: Agent) -> tuple[float, float]:
+    return agent.vehicle.length, agent.vehicle.width
+
+
+def _name(version: str) -> str:
+    return f"SUMO {version}"
