@@ -13,10 +13,10 @@ export MPLBACKEND := Agg
 # Tests start hundreds of processes, and without stored bytecode each compiles all that it imports, for seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions audit oracles third_party planners ray browser learning learn train report_bundle environments versions docs wheel wheels container locks help fuzz fuzz-smoke fuzz-core mutants format clean
+.PHONY: demo test long recorded check bench performance cooperation driving driving_side_by_side driving_guard instructions audit oracles third_party planners ray sumo browser learning learn train report_bundle environments versions docs wheel wheels container locks help fuzz fuzz-smoke fuzz-core mutants format clean
 
 # Environments: .tools installs what WANTED names (p is the project's table, o are its extras), .installed adds interdrive.
-ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-browser .venv-rl .venv-training
+ENVIRONMENTS := $(VENV) .venv-docs .venv-release .venv-oracles .venv-oldest .venv-third .venv-ray .venv-sumo .venv-browser .venv-rl .venv-training
 $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-docs/.tools: WANTED = p['dependencies'] + o['docs']
 .venv-release/.tools: WANTED = o['release']
@@ -29,6 +29,7 @@ $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 .venv-third/.tools: WANTED = p['dependencies'] + o['frenetix'] + o['reactive'] + ['pytest>=8']
 # Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; no other environment should be held back with it.
 .venv-ray/.tools: WANTED = p['dependencies'] + o['ray'] + ['pytest>=8']
+.venv-sumo/.tools: WANTED = p['dependencies'] + o['sumo'] + ['pytest>=8']
 .venv-browser/.tools: WANTED = ['playwright>=1.49', 'pillow>=10', 'pytest>=8']
 .venv-training/.tools: WANTED = p['dependencies'] + o['training']
 .venv-rl/.tools: WANTED = p['dependencies'] + o['rl'] + o['learning']
@@ -119,7 +120,7 @@ wheels: .venv-release/.tools ## wheels for x86_64 and aarch64 and an sdist in di
 container: ## builds the image of the Dockerfile with the wheel in dist/ and drives in it; without docker in an empty root
 	$(PYTHON) releases/container.py
 
-LOCKS := venv venv-docs venv-oracles venv-third venv-ray
+LOCKS := venv venv-docs venv-oracles venv-third venv-ray venv-sumo
 locks: ## the newest versions that fit, in fresh environments, written to locks/
 	rm -rf $(LOCKS:%=.%)
 	$(MAKE) LOCKED= $(LOCKS:%=.%/.tools)
@@ -208,6 +209,9 @@ planners: .venv-third/.installed ## compares four planners on all recorded scena
 
 ray: .venv-ray/.installed ## batches on a local Ray cluster of two nodes; see docs/how_to/ray.md
 	.venv-ray/bin/python -m pytest -q --durations=8 tests/cluster
+
+sumo: .venv-sumo/.installed ## traffic by SUMO, in an environment that has it; see docs/how_to/sumo.md
+	.venv-sumo/bin/python -m pytest -q --durations=8 tests/sumo
 
 browser: $(VENV)/.installed .venv-browser/.chromium .venv-docs/.tools ## opens reports in Chromium; skipped where there is none, which is a failure in CI
 	.venv-browser/bin/python -m pytest -q -s --confcutdir=tests/browser tests/browser

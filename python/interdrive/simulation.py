@@ -493,6 +493,7 @@ class Simulation:
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             demand=self._demand(states, outcomes),
+            sumo=None if self._sumo is None else self._sumo.participants(),
             profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),

@@ -57,6 +57,7 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
         }
     except (KeyError, TypeError, ValueError) as cause:
         raise InputError(f"{folder}: run.json does not say how to repeat the run ({cause!r})") from None
+    _check_sumo(folder, info)
     if not trust:
         ask_before_import(folder, modules_named(wanted["planner"], wanted["predictor"]))
     with progress(quiet=False) as report:
@@ -67,6 +68,20 @@ def verify(folder: str, scenario: str | None, threads: int | None, trust: bool) 
     equal = again.digest == info["digest"]
     print_verdict(info, information(again), equal=equal)
     return 0 if equal else 1
+
+
+def _check_sumo(folder: str, info: RunInformation) -> None:
+    """Raises InputError if another version of SUMO would drive the traffic."""
+    if info.get("sumo") is None:
+        return
+    from interdrive.sumo.process import installed_version  # noqa: PLC0415 - few runs have it
+
+    made, here = (info.get("versions") or {}).get("libsumo"), installed_version()
+    if made != here:
+        raise InputError(
+            f"{folder}: was made with SUMO {made}, and other versions drive otherwise; here is {here}: "
+            f"pip install libsumo=={made}"
+        )
 
 
 def ask_before_import(folder: str, modules: Sequence[str]) -> None:

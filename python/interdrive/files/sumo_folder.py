@@ -15,6 +15,7 @@ import numpy as np
 from interdrive.errors import InputError
 from interdrive.files.sources.opening import SourceFile
 from interdrive.files.sumo_config import NotUnderstoodError, values_of
+from interdrive.files.sumo_lights import with_lights
 from interdrive.scenario import Scenario, ScenarioSource, SumoTraffic
 
 if TYPE_CHECKING:
@@ -73,8 +74,6 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
     moving = int((~scenario.obstacles.is_static).sum())
     if moving:
         notes.append(f"{moving} recorded vehicles are left out: SUMO drives its own")
-    if net.find("tlLogic") is not None:
-        notes.append("SUMO's traffic lights are obeyed by SUMO's vehicles alone")
     sumo = SumoTraffic(
         config=config,
         files=tuple(data.items()),
@@ -86,7 +85,7 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
     )
     hashes = dict(file.files)
     first = {roads: hashes.pop(roads)}
-    return replace(
+    scenario = replace(
         scenario,
         name=path.name,
         path=path,
@@ -97,6 +96,8 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
         source=ScenarioSource(FORMAT, (*first.items(), *hashes.items())),
         sumo=sumo,
     )
+    begin = (_number(document, "begin") or 0.0) + sumo.presimulation_steps * scenario.dt
+    return with_lights(scenario, net, begin)
 
 
 def _only(file: SourceFile, patterns: tuple[str, ...], what: str) -> str:

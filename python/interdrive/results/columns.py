@@ -26,6 +26,7 @@ COLUMNS: Mapping[str, tuple[Column, ...]] = {
     "hits": arrays.Hits.columns,
     "profile": arrays.Profile.columns,
     "demand": arrays.Demand.columns,
+    "sumo": arrays.SumoParticipants.columns,
     "routes": (
         Column("agent_id", "integer", "agent that follows the path"),
         Column("point", "integer", "number of the point"),
@@ -48,4 +49,5 @@ ON_DEMAND = (
     "hits",
     "profile",
     "demand",
+    "sumo",
 )

@@ -59,6 +59,7 @@ class Results:
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         profile: How long the plans of single agents took; None unless `record.profile`.
         demand: Generated vehicles; None without generated traffic.
+        sumo: Participants that SUMO drove; None without SUMO.
         missing: Names of tables that are unexpectedly missing; `read_results` accepts this only with `in_part`.
     """
 
@@ -78,6 +79,7 @@ class Results:
     hits: pa.Table | None = None
     profile: pa.Table | None = None
     demand: pa.Table | None = None
+    sumo: pa.Table | None = None
     missing: tuple[str, ...] = ()
 
     def __repr__(self) -> str:

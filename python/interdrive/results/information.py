@@ -100,7 +100,7 @@ class RunInformation(SoftwareInformation):
         violations: The same for violations. orders: The same for orders at junctions.
         messages: The same for V2X messages. agreements: The same for agreements about shared road.
         hits: The same for contacts after which an agent drove on. profile: The same for the time of single plans.
-        demand: The same for generated vehicles.
+        demand: The same for generated vehicles. sumo: The same for participants that SUMO drove.
         cooperation: Totals of V2X messages and of their use, None if no agent has V2X.
         agents: One entry per agent, sorted by id.
         notes: Remarks, one line each.
@@ -123,6 +123,7 @@ class RunInformation(SoftwareInformation):
     hits: str | None
     profile: str | None
     demand: str | None
+    sumo: str | None
     cooperation: Mapping[str, Json] | None
     agents: list[AgentInformation]
     notes: list[str]
@@ -156,11 +157,19 @@ def information(run: RunRecord) -> RunInformation:
         "hits": None if run.hits is None else "hits.parquet",
         "profile": None if run.profile is None else "profile.parquet",
         "demand": None if run.demand is None else "demand.parquet",
+        "sumo": None if run.sumo is None else "sumo.parquet",
         "cooperation": run.cooperation,
         "agents": [_facts(agent) for agent in run.agents],
         "notes": list(run.notes),
-        **software(),
+        **_software(run),
     }
+
+
+def _software(run: RunRecord) -> SoftwareInformation:
+    found = software()
+    if run.sumo is not None:
+        found["versions"]["libsumo"] = _version("libsumo")
+    return found
 
 
 def _source(source: ScenarioSource) -> SourceInformation:

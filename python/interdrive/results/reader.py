@@ -26,6 +26,7 @@ from interdrive.run import (
     RecordedPredictions,
     RunRecord,
     States,
+    SumoParticipants,
     Timings,
     Views,
     Violations,
@@ -86,6 +87,7 @@ def read_run(folder: str | Path) -> RunRecord:
         orders=_rows(Orders, results.orders),
         profile=_rows(Profile, results.profile),
         demand=_rows(Demand, results.demand),
+        sumo=_rows(SumoParticipants, results.sumo),
         cooperation=results.info.get("cooperation"),
     )
 

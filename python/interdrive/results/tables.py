@@ -120,6 +120,6 @@ TABLES: Mapping[str, Callable[[RunRecord], pa.Table | None]] = {
     "candidates": candidates_table,
     **{
         name: partial(_recorded, name)
-        for name in ("views", "violations", "orders", "messages", "agreements", "hits", "profile", "demand")
+        for name in ("views", "violations", "orders", "messages", "agreements", "hits", "profile", "demand", "sumo")
     },
 }

@@ -209,6 +209,10 @@ def _check_demand(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
     _known("agent_id", found["demand"]["agent_id"], found["outcomes"]["agent_id"], "has no outcome")
 
 
+def _check_sumo(found: Mapping[str, Columns], _: Mapping[str, Any]) -> None:
+    _known("participant_id", found["sumo"]["participant_id"], found["states"]["participant_id"], "has no state")
+
+
 def _check_blocks(columns: Columns, alike: Sequence[str], states: Columns) -> None:
     """Checks that every prediction or candidate has the same points, and equal values in these columns."""
     steps, points = columns["time_step"], np.unique(columns["point"])
@@ -241,6 +245,7 @@ _ACROSS: Mapping[str, Callable[[Mapping[str, Columns], Mapping[str, Any]], None]
     "orders": _check_orders,
     "profile": _check_profile,
     "demand": _check_demand,
+    "sumo": _check_sumo,
 }
 
 

@@ -322,6 +322,16 @@ class Demand(Tabular):
 
 
 @dataclass(frozen=True, repr=False)
+class SumoParticipants(Tabular):
+    """Participants that SUMO drove, one row each, sorted by id."""
+
+    _rows = "participants"
+
+    participant_id: Ints = field(metadata=integer("id of the participant in the run"))
+    name: tuple[str, ...] = field(metadata=text("what SUMO calls it"))
+
+
+@dataclass(frozen=True, repr=False)
 class Violations(Tabular):
     """Violations of rules of the road, one row each; sorted by source, participant, rule and time."""
 

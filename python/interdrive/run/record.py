@@ -107,6 +107,7 @@ class RunRecord:
         hits: Contacts after which the agent that was hit drove on; None unless `collision.not_at_fault` lets it.
         profile: How long the plans of single agents took; None unless `record.profile` is set.
         demand: Generated vehicles; None without generated traffic.
+        sumo: Participants that SUMO drove; None without SUMO.
         cooperation: Totals of messages and of their use; None if no agent has V2X.
     """
 
@@ -130,4 +131,5 @@ class RunRecord:
     hits: arrays.Hits | None = None
     profile: arrays.Profile | None = None
     demand: arrays.Demand | None = None
+    sumo: arrays.SumoParticipants | None = None
     cooperation: Mapping[str, Json] | None = None

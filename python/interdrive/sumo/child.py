@@ -53,8 +53,11 @@ class Simulation:
         for number, x, y, angle, speed in request["agents"]:
             vehicle.moveToXY(f"{_OURS}{number}", "", -1, x, y, angle, keepRoute=2)
             vehicle.setSpeed(f"{_OURS}{number}", speed)
-        for light, state in request["lights"]:
-            self._sumo.trafficlight.setRedYellowGreenState(light, state)
+        for light, letters in request["lights"]:
+            state = list(self._sumo.trafficlight.getRedYellowGreenState(light))
+            for place, letter in letters:
+                state[place] = letter
+            self._sumo.trafficlight.setRedYellowGreenState(light, "".join(state))
         for _ in range(self._delta_steps):
             self._sumo.simulationStep()
         return self._there()

@@ -77,9 +77,11 @@ class Process:
             )
         self._close = weakref.finalize(self, _end, self._child, folder)
         options = _options(sumo, dt, seed)
+        self._silence = 0
         self.first = self._ask(
             {"options": options, "delta_steps": sumo.delta_steps, "before": sumo.presimulation_steps}, "at its start"
         )
+        self._silence = self._said.stat().st_size  # what it says of its libraries is not why it ends
 
     def step(self, request: dict[str, Any], time_step: int) -> dict[str, Any]:
         """One time step, see `interdrive.sumo.child`.
@@ -111,7 +113,7 @@ class Process:
     def _last_line(self) -> str:
         """What it printed last, if it has."""
         self._child.wait(_ENDING_S)
-        lines = self._said.read_text(encoding="utf-8", errors="replace").split("\n")
+        lines = self._said.read_bytes()[self._silence :].decode("utf-8", "replace").split("\n")
         said = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
         return f"{said[:_LONGEST]} (exit code {self._child.returncode})"
 

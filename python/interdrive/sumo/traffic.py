@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from interdrive import _core
-from interdrive.scenario import KINDS
+from interdrive.run import SumoParticipants
+from interdrive.scenario import KINDS, SIGNALS
+from interdrive.scenario.control import shown_together
 from interdrive.sumo.process import Process
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.array_types import Floats
+    from interdrive.array_types import Floats, Ints
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
 
@@ -31,6 +33,8 @@ KIND_OF_CLASS = {
     "bicycle": "bicycle", "taxi": "taxi", "emergency": "priority_vehicle", "pedestrian": "pedestrian",
     "tram": "train", "rail": "train", "rail_urban": "train", "rail_electric": "train", "rail_fast": "train",
 }  # fmt: skip
+#: SUMO's letters for signals, small where vehicles yield to others; red is always small.
+_LETTERS = {"red": "r", "yellow": "y", "green": "g", "dark": "o"}
 #: A participant that comes farther than its speed allows by this jumps [m].
 _JUMP = 0.5
 #: Speed from which on a participant heads where it moves in its lane [m/s].
@@ -85,6 +89,9 @@ class Traffic:
         self._agents = {agent.id: agent for agent in agents}
         taken = [*scenario.obstacles.ids.tolist(), *self._agents, *scenario.lanelets.ids.tolist(), 0]
         self._next_id = 10 ** len(str(max(taken)))
+        self._lights = {light.id: light for light in scenario.traffic_lights}
+        self._signals: list[Ints] = []
+        self._n_shown = 0
         self._placed: set[int] = set()
         self._near: set[str] = set()
         self._begin = 0
@@ -134,7 +141,7 @@ class Traffic:
             "leaving": self._leaving,
             "new": [(number, *_size(self._agents[number]), *fronts[number][:2]) for number in new],
             "agents": [(number, *fronts[number], max(0.0, poses[number][3])) for number in ids],
-            "lights": [],
+            "lights": self._shown(time_step),
         }
         self._placed = set(ids)
         before = self._there
@@ -149,6 +156,10 @@ class Traffic:
         """Ends SUMO."""
         self._process.close()
 
+    def participants(self) -> SumoParticipants:
+        """Those that were in the run."""
+        return SumoParticipants(np.array(list(self.names), dtype=np.int64), tuple(self.names.values()))
+
     def notes(self) -> list[str]:
         """What users should know of it, one line each."""
         found = [f"traffic by {_name(self.version)}, seed {self._sumo.seed} and that of the run"]
@@ -160,6 +171,19 @@ class Traffic:
         if self.cleared:
             found.append(f"SUMO's {', '.join(self.cleared)} left because agents entered where they were")
         return found
+
+    def _shown(self, time_step: int) -> list[tuple[str, list[tuple[int, str]]]]:
+        """What SUMO's lights show now, by their names: letters at places of their states."""
+        if time_step >= self._n_shown:
+            self._n_shown = max(2 * time_step, 1000)
+            self._signals = [
+                shown_together([self._lights[i] for i in ids], self._n_shown) for _, _, ids, _ in self._sumo.lights
+            ]
+        found: dict[str, list[tuple[int, str]]] = {}
+        for (name, place, _, yields), signals in zip(self._sumo.lights, self._signals, strict=True):
+            letter = _LETTERS[SIGNALS[signals[time_step]]]
+            found.setdefault(name, []).append((place, letter if yields or letter == "r" else letter.upper()))
+        return list(found.items())
 
     def _take(self, answer: dict[str, Any]) -> None:
         """Where SUMO's participants are now."""

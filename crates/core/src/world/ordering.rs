@@ -3,7 +3,7 @@
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, reverses};
-use crate::control::Turn;
+use crate::control::{Signal, Turn};
 use crate::geometry::Pose;
 use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
@@ -30,6 +30,8 @@ const SLOWER: f64 = 0.7;
 const BEARABLE: (f64, f64) = (4.0, 3.0);
 const COMFORTABLE: (f64, f64) = (3.0, 2.0);
 const BEND_STEP: f64 = 3.0;
+/// An area that begins no farther than this before a stop line is behind it [m].
+const BEFORE_LINE: f64 = 1.0;
 /// Past steps from which the speed of a recorded vehicle is observed.
 const PAST: usize = 4;
 
@@ -239,6 +241,7 @@ impl World {
         let likely = |way: &&Vec<usize>| !too_fast(way, COMFORTABLE);
         for way in ways.iter().filter(|way| !too_fast(way, BEARABLE)) {
             let is_likely = likely(&way);
+            let held_at = self.held_by_light(way, front, velocity);
             let mut base = 0.0;
             for lanelet in way {
                 let goes_elsewhere = || !is_likely && ways.iter().filter(likely).any(|other| !other.contains(lanelet));
@@ -251,6 +254,7 @@ impl World {
                     }
                     let should_wait = area.first == Some(1 - side) && !is_inside;
                     let yielding = match should_wait {
+                        _ if entry + BEFORE_LINE >= held_at => Yielding::Yes,
                         true if velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * entry || goes_elsewhere() => {
                             Yielding::Yes
                         }
@@ -274,6 +278,32 @@ impl World {
                 base += road.lanelets()[*lanelet].length;
             }
         }
+    }
+
+    /// How far a vehicle that does not obey orders may go before a light that is yellow or red on a way [m], if it can still
+    /// stop there; infinite if there is none. `front` is its arc length on the first lanelet of the way [m].
+    fn held_by_light(&self, way: &[usize], front: f64, velocity: f64) -> f64 {
+        let control = &self.scenario.control;
+        let mut base = 0.0;
+        for (lanelet, following) in way.iter().zip(way.iter().skip(1)) {
+            if control.lights.is_empty() {
+                break;
+            }
+            let (center, length) = (&self.scenario.road.lanelets()[*lanelet].center, base);
+            base += self.scenario.road.lanelets()[*lanelet].length;
+            for line in control.lines.iter().filter(|line| line.lanelet == *lanelet) {
+                let Some((_, lights)) = line.lights.iter().find(|(next, _)| next == following) else { continue };
+                let is_free = matches!(control.signal(lights, self.time_step), Signal::Green | Signal::Dark);
+                if is_free || line.turns_on_red.contains(following) {
+                    continue;
+                }
+                let distance = length + center.project(line.ends[0].lerp(line.ends[1], 0.5)).s - front;
+                if distance > 0.0 && velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * distance {
+                    return distance;
+                }
+            }
+        }
+        f64::INFINITY
     }
 
     /// Agents remember the orders that they had, and how long they have stood; what they entered is recorded.
