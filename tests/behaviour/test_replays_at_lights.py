@@ -33,7 +33,9 @@ def crossing(tmp_path, ys, *, light="red"):
     lights = cr.traffic_light(7, ("green", 5000)) + cr.traffic_light(8, (light, 5000))
     speeds = np.gradient(ys, 0.1)
     north = np.pi / 2
-    states = [cr.state(k, 0.0, y, orientation=north, velocity=v) for k, (y, v) in enumerate(zip(ys, speeds, strict=True))]
+    states = [
+        cr.state(k, 0.0, y, orientation=north, velocity=v) for k, (y, v) in enumerate(zip(ys, speeds, strict=True))
+    ]
     car = cr.car(30, cr.initial(0.0, ys[0], velocity=speeds[0], orientation=north), states[1:])
     area = cr.rectangle_at(60, 0, length=30, width=4)
     start = cr.initial(-40, velocity=10.0, yawRate=0.0, slipAngle=0.0)
@@ -42,15 +44,18 @@ def crossing(tmp_path, ys, *, light="red"):
     return read_scenario(cr.saved(tmp_path, text.replace("ZAM_Test", "DEU_Test")))
 
 
-def creeping(until, speed, seconds=20.0):
-    """Its centre comes with a speed [m/s] and stands from a place on [m]."""
-    return np.minimum(-20.0 + speed * np.arange(0.0, seconds, 0.1), until)
+def coming(until, speed, seconds=20.0):
+    """From y = -20 m on with a speed [m/s]; it brakes with 1.5 m/s² and stands with its centre at a place [m]."""
+    ys = [-20.0]
+    for _ in range(round(seconds / 0.1)):
+        ys.append(ys[-1] + 0.1 * min(speed, float(np.sqrt(3.0 * max(0.0, until - ys[-1])))))
+    return np.array(ys)
 
 
 @pytest.mark.parametrize("light", ["red", "yellow"])
 @pytest.mark.parametrize("planner", ["rollout", "idm"])
 def test_an_agent_on_green_is_not_held_by_a_car_that_comes_to_a_red_light(tmp_path, planner, light):
-    scenario = crossing(tmp_path, creeping(LINE - HALF - 0.5, 4.0), light=light)
+    scenario = crossing(tmp_path, coming(LINE - HALF - 0.5, 4.0), light=light)
     run = idr.simulate(scenario, agents="problems", planner=planner, threads=1)
     assert run.outcomes.outcome == ("goal_reached",)
     assert len(run.orders.kind) == 0, "nobody tells it to wait"
@@ -68,5 +73,5 @@ def test_it_is_held_by_a_car_that_is_too_fast_to_stop(tmp_path):
 
 
 def test_it_is_held_by_a_car_that_has_green_too(tmp_path):
-    run = idr.simulate(crossing(tmp_path, creeping(60.0, 4.0), light="green"), agents="problems", threads=1)
+    run = idr.simulate(crossing(tmp_path, coming(60.0, 4.0), light="green"), agents="problems", threads=1)
     assert "yield" in run.orders.kind, "who comes from the right goes first"

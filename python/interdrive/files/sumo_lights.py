@@ -108,7 +108,9 @@ def _places(net: Element, lanelets: Lanelets, offset: tuple[float, float]) -> di
     found = {}
     for lane in net.iterfind("edge/lane"):
         try:
-            shape = np.array([[float(part) for part in point.split(",")[:2]] for point in lane.get("shape", "").split()])
+            shape = np.array(
+                [[float(part) for part in point.split(",")[:2]] for point in lane.get("shape", "").split()]
+            )
         except ValueError:
             continue
         if shape.ndim != 2 or shape.shape[0] < 2 or not len(ends):

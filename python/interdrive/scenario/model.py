@@ -144,9 +144,7 @@ class Obstacles:
             return tuple(values[row] for row in rows.tolist()) if values else ()
 
         tables = {name: getattr(self, name)[rows] for name in (*STATE_FIELDS, "valid", "ids", "is_static")}
-        return replace(
-            self, kinds=kept(self.kinds), shapes=kept(self.shapes), derived=kept(self.derived), **tables
-        )
+        return replace(self, kinds=kept(self.kinds), shapes=kept(self.shapes), derived=kept(self.derived), **tables)
 
     def __repr__(self) -> str:
         return f"<Obstacles: {len(self.ids)} over {self.x.shape[1]} time steps>"

@@ -83,7 +83,15 @@ class Simulation:
             own = sumo.vehicle
             x, y = own.getPosition(name)
             rows.append(
-                (name, x, y, own.getAngle(name), own.getLateralSpeed(name), own.getSpeed(name), own.getAcceleration(name))
+                (
+                    name,
+                    x,
+                    y,
+                    own.getAngle(name),
+                    own.getLateralSpeed(name),
+                    own.getSpeed(name),
+                    own.getAcceleration(name),
+                )
             )
             if name not in self._known:
                 new.append((name, own.getVehicleClass(name), own.getLength(name), own.getWidth(name)))

@@ -222,7 +222,12 @@ class Traffic:
         moved = [self._numbers[name] for name in jumped if name in self._near and name not in new]
         self.jumps += len(moved)
         states = np.array([self._there[name].state for name in near], dtype=np.float64).reshape(len(near), 6)
-        return [(n, KINDS.index(kind), *size) for n, kind, *size in kinds], [self._numbers[n] for n in near], states, moved
+        return (
+            [(n, KINDS.index(kind), *size) for n, kind, *size in kinds],
+            [self._numbers[n] for n in near],
+            states,
+            moved,
+        )
 
     def _is_near(self, name: str, places: list[tuple[float, ...]]) -> bool:
         if math.isinf(self._radius):
