@@ -22,6 +22,7 @@ from interdrive.files.shipped import (
     shipped_scenarios,
 )
 from interdrive.files.sources import content_sha256
+from interdrive.files.sumo_export import sumo_files
 from interdrive.files.tracks_export import run_tracks
 from interdrive.files.write import CommonRoadObjects, commonroad_objects, run_document, scenario_document
 
@@ -49,6 +50,7 @@ __all__ = [
     "scenario_parts",
     "shipped_scenario",
     "shipped_scenarios",
+    "sumo_files",
     "write_osi",
     "write_scenario",
 ]

@@ -1,5 +1,6 @@
-"""Values of a simulation_config.p beside a SUMO scenario, which is never unpickled: its operations are listed, and a small
-machine runs the few of them that make plain values. It imports and calls nothing.
+"""Values of a simulation_config.p beside a SUMO scenario, which is never unpickled.
+
+Its operations are listed, and a small machine runs the few of them that make plain values; it imports nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""Folders that hold a scenario for SUMO: its configuration, net and routes, and a CommonRoad file with the planning
-problems.
-"""
+"""Folders that hold a scenario for SUMO: its configuration, net and routes, and a CommonRoad file with the problems."""
 
 from __future__ import annotations
 
@@ -109,8 +107,9 @@ def _only(file: SourceFile, patterns: tuple[str, ...], what: str) -> str:
 
 
 def _with_own_ids(content: bytes, where: Path, notes: list[str]) -> bytes:
-    """The document; incoming elements of intersections that share ids, as the converters of these scenarios number them
-    by intersection, have their own.
+    """The document; incoming elements of intersections that share ids have their own.
+
+    Converters of these scenarios number them by intersection.
     """
     root = SourceFile.within(where, content).document()
     numbers = [element.get("id", "") for element in root.iter("incoming")]

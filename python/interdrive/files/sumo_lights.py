@@ -1,4 +1,4 @@
-"""Traffic lights that SUMO and a scenario share: those of the file are shown by SUMO, others of SUMO by the scenario."""
+"""Traffic lights that SUMO and a scenario share: SUMO shows those of the file, the scenario has the others of SUMO."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
     from interdrive.scenario import Lanelets, Scenario
 
-#: A lane of SUMO is the lanelet whose end is this near to its own [m], with a direction there that differs by less [rad].
+#: A lane of SUMO is the lanelet whose ends are this near to its own [m] and have nearly its directions [rad].
 _NEAR, _TURNED = 3.0, 0.5
 #: Letters of SUMO for a link that yields to others while its light is green.
 _YIELDING = "go"
@@ -31,7 +31,7 @@ _YIELDING = "go"
 
 @dataclass(frozen=True)
 class _Link:
-    """A way across a junction that has a light in SUMO: its place in the state, and the lanelets from and onto which."""
+    """A way across a junction that has a light in SUMO: its place in the state, and from and onto which lanelets."""
 
     name: str
     index: int

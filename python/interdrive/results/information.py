@@ -167,9 +167,8 @@ def information(run: RunRecord) -> RunInformation:
 
 def _software(run: RunRecord) -> SoftwareInformation:
     found = software()
-    if run.sumo is not None:
-        found["versions"]["libsumo"] = _version("libsumo")
-    return found
+    with_sumo = {} if run.sumo is None else {"libsumo": _version("libsumo")}
+    return {**found, "versions": {**found["versions"], **with_sumo}}
 
 
 def _source(source: ScenarioSource) -> SourceInformation:

@@ -17,8 +17,8 @@ class SumoTraffic:
         presimulation_steps: Time steps that SUMO simulates before the first one.
         lateral_resolution: Width of SUMO's sublanes [m]; 0: vehicles keep to the middle of lanes.
         offset: Where the origin of the scenario lies in the coordinates of the net [m].
-        lights: Ways across junctions for which SUMO shows what lights of the file show: SUMO's id of the light, the place
-            of the way in its state, ids of the lights of the file, and whether vehicles yield to others on green.
+        lights: Ways across junctions for which SUMO shows what lights of the file show: SUMO's id of the light, the
+            place of the way in its state, ids of the lights of the file, and whether vehicles yield to others on green.
     """
 
     config: str

@@ -1,5 +1,6 @@
-"""A process with one simulation of SUMO, which may end without taking the run with it. It answers one line of JSON for
-each line that it reads; what SUMO prints goes to its standard error.
+"""A process with one simulation of SUMO, which may end without taking the run with it.
+
+It answers one line of JSON for each line that it reads; what SUMO prints goes to its standard error.
 
 Requests: first the options of SUMO and the time steps before the run; then, for each time step, the agents that are
 new or gone, where agents will be, and which of SUMO's vehicles leave. Answers: SUMO's participants, and what is new of
@@ -74,7 +75,10 @@ class Simulation:
         sumo.vehicle.setLaneChangeMode(name, _NO_CHECKS)
 
     def _there(self) -> dict[str, Any]:
-        """SUMO's own participants: name, front, angle, speed across and along, acceleration; and what is new of them."""
+        """SUMO's own participants and what is new of them.
+
+        For each its name, front, angle, speed across and along, and acceleration.
+        """
         sumo = self._sumo
         rows, new = [], []
         for name in sumo.vehicle.getIDList():

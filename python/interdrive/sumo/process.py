@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.metadata
 import importlib.util
 import json
@@ -57,7 +58,6 @@ class Process:
         """
         self.version = installed_version()
         folder = tempfile.mkdtemp(prefix="interdrive-sumo-")
-        self._close = weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
         for name, content in sumo.files:
             path = Path(folder) / name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -121,10 +121,8 @@ class Process:
 def _end(child: subprocess.Popen[str], folder: str) -> None:
     for pipe in (child.stdin, child.stdout):
         if pipe is not None:
-            try:
+            with contextlib.suppress(OSError):  # what was not written is lost with the process
                 pipe.close()
-            except OSError:  # what was not written is lost with the process
-                pass
     try:
         child.wait(_ENDING_S)
     except subprocess.TimeoutExpired:

@@ -13,8 +13,8 @@ class SumoSettings:
     """Traffic by SUMO.
 
     Attributes:
-        radius: Participants of SUMO that are farther from every agent are left out of the run until they come nearer; inf:
-            none is.
+        radius: Participants of SUMO that are farther from every agent are left out of the run until they come nearer;
+            inf: none is.
     """
 
     radius: Annotated[float, "m"] = 300.0

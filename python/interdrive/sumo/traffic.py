@@ -130,7 +130,7 @@ class Traffic:
         Raises:
             SumoError: SUMO has ended.
         """
-        poses = {number: state for number, state in zip(ids, states.tolist(), strict=True)}
+        poses = dict(zip(ids, states.tolist(), strict=True))
         new = [number for number in ids if number not in self._placed]
         if time_step > self._begin:
             for number in new:
@@ -218,16 +218,14 @@ class Traffic:
             self._next_id += 1
         self._near = set(near)
         near.sort(key=self._numbers.__getitem__)
-        kinds = [(self._numbers[name], *self._kinds[name]) for name in new]
         moved = [self._numbers[name] for name in jumped if name in self._near and name not in new]
         self.jumps += len(moved)
         states = np.array([self._there[name].state for name in near], dtype=np.float64).reshape(len(near), 6)
-        return (
-            [(n, KINDS.index(kind), *size) for n, kind, *size in kinds],
-            [self._numbers[n] for n in near],
-            states,
-            moved,
-        )
+        return [self._newcomer(name) for name in new], [self._numbers[name] for name in near], states, moved
+
+    def _newcomer(self, name: str) -> tuple[int, int, float, float]:
+        kind, length, width = self._kinds[name]
+        return self._numbers[name], KINDS.index(kind), length, width
 
     def _is_near(self, name: str, places: list[tuple[float, ...]]) -> bool:
         if math.isinf(self._radius):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from interdrive.errors import InputError
 from interdrive.scenario.agents import Agent, native_goal
 from interdrive.scenario.known_goals import arrival, map_end
 from interdrive.scenario.limits import LARGEST_ID
-from interdrive.scenario.model import KINDS, STATE_FIELDS, GoalState, InitialState
+from interdrive.scenario.model import KINDS, GoalState, InitialState
 from interdrive.scenario.shape import Shape
 from interdrive.traffic import draws
 from interdrive.traffic.arrivals import Driver, due_times, vehicles

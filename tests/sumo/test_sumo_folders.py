@@ -1,0 +1,107 @@
+"""Folders for SUMO: what is read, and what is refused in one line."""
+
+from __future__ import annotations
+
+import os
+import pickle
+
+import pytest
+
+import interdrive as idr
+from interdrive import InputError
+from interdrive.files.sumo_config import NotUnderstoodError, values_of
+
+#: Steps before the run, steps, seed and width of sublanes [m] of published scenarios.
+STATED = {
+    "DEU_Aachen-2_1_I-1": (198, 150, 369, 1.2),
+    "DEU_Aachen-3_1_I-1": (171, 150, 287, 1.2),
+    "DEU_Cologne-63_5_I-1": (100, 150, 848, 1.2),
+    "DEU_Frankfurt-34_11_I-1": (222, 200, 873, 0.8),
+}
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_the_configuration_is_read_without_unpickling(published, name):
+    said = values_of((published / name / "simulation_config.p").read_bytes())
+    names = ("presimulation_steps", "simulation_steps", "random_seed", "lateral_resolution")
+    assert tuple(said[one] for one in names) == STATED[name]
+
+
+def test_a_pickle_that_would_run_code_is_refused_by_name(tmp_path):
+    with pytest.raises(NotUnderstoodError, match=r"posix\.system, byte"):
+        values_of(pickle.dumps(os.system))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 40, 1000])
+def test_a_truncated_pickle_is_not_understood(published, cut):
+    data = (published / "DEU_Cologne-63_5_I-1" / "simulation_config.p").read_bytes()[:cut]
+    with pytest.raises(NotUnderstoodError, match="damaged"):
+        values_of(data)
+
+
+def test_one_that_is_not_understood_leaves_the_defaults_and_a_note(crossing):
+    (crossing / "simulation_config.p").write_bytes(pickle.dumps(os.system))
+    scenario = idr.read_source(crossing)
+    assert scenario.sumo.presimulation_steps == 0
+    assert any("simulation_config.p is not understood (posix.system" in note for note in scenario.notes)
+
+
+def test_the_traffic_of_the_file_is_left_out_and_its_problems_stay(published):
+    scenario = idr.read_source(published / "DEU_Cologne-63_5_I-1")
+    assert (len(scenario.obstacles.ids), len(scenario.planning_problems)) == (0, 1)
+    assert "15 recorded vehicles are left out: SUMO drives its own" in scenario.notes
+
+
+def edited(folder, name, old, new):
+    file = folder / name
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def without(name):
+    return lambda folder: (folder / name).unlink()
+
+
+def moved_net(folder):
+    for end in ("net.xml", "rou.xml"):
+        (folder.parent / f"crossing.{end}").write_bytes((folder / f"crossing.{end}").read_bytes())
+    edited(folder, "crossing.sumocfg", "crossing.net.xml", "../crossing.net.xml")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (without("crossing.rou.xml"), "crossing.sumocfg: names crossing.rou.xml (route-files), which is not there"),
+        (without("crossing.cr.xml"), "needs a CommonRoad file (*.cr.xml), there is none"),
+        (moved_net, "names ../crossing.net.xml (net-file), which lies outside its folder"),
+        (
+            lambda folder: edited(folder, "crossing.sumocfg", 'step-length value="0.1"', 'step-length value="0.03"'),
+            "step-length 0.03 s does not divide the time step of 0.1 s",
+        ),
+        (
+            lambda folder: edited(folder, "crossing.net.xml", 'convBoundary="-120', 'convBoundary="-920'),
+            "the net lies up to 800 m from the lanelets",
+        ),
+        (
+            lambda folder: (folder / "second.sumo.cfg").write_text("<configuration/>"),
+            "needs a configuration of SUMO (*.sumo.cfg), there are crossing.sumocfg, second.sumo.cfg",
+        ),
+        (
+            lambda folder: edited(folder, "crossing.sumocfg", "<configuration>", "<!DOCTYPE a><configuration>"),
+            "has a document type",
+        ),
+        (lambda folder: edited(folder, "crossing.sumocfg", "</input>", ""), "line"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
+    spoil(crossing)
+    with pytest.raises(InputError) as refused:
+        idr.read_source(crossing)
+    assert line in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_generated_traffic_is_refused_beside_it(crossing):
+    with pytest.raises(InputError, match="SUMO makes its traffic; leave out --traffic"):
+        idr.simulate(crossing, traffic="rate=600")

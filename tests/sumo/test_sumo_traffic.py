@@ -1,0 +1,255 @@
+"""Agents among vehicles of SUMO."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive.errors import InterdriveError
+from interdrive.planners import Trajectory
+from interdrive.simulation import Simulation
+from interdrive.sumo.traffic import Traffic
+
+
+class Stands:
+    """Stays where it is."""
+
+    def plan(self, view, predictions):
+        ego = view.ego
+        n = 30
+        same = [np.full(n, value) for value in (ego.x, ego.y, ego.orientation)]
+        return Trajectory(*same, velocity=np.zeros(n))
+
+
+def standing(folder, x, *, velocity=0.0):
+    """The scenario with its problem at a place on the road from west to east."""
+    scenario = idr.read_source(folder)
+    problem = scenario.planning_problems[0]
+    start = replace(problem.initial_state, x=x, velocity=velocity)
+    return replace(scenario, planning_problems=(replace(problem, initial_state=start),))
+
+
+def rows_of(run, name):
+    """Row of the participant that SUMO calls so."""
+    number = run.sumo.participant_id[run.sumo.name.index(name)]
+    return int(np.searchsorted(run.states.participant_id, number))
+
+
+@pytest.fixture(scope="module")
+def cologne(published):
+    return idr.simulate(published / "DEU_Cologne-63_5_I-1", threads=1)
+
+
+def test_the_vehicles_are_as_many_as_published(published):
+    # The published run, made with SUMO 1.9, has 31, 33, 32, 29 and 26 after 3, 6, 9, 12 and 15 s.
+    scenario = idr.read_source(published / "DEU_Cologne-63_5_I-1")
+    traffic = Traffic(scenario, [], np.inf, 0)
+    counts = [len(traffic.first(0)[1])]
+    for step in range(150):
+        counts.append(len(traffic.step(step, [], np.empty((0, 6)))[1]))
+    traffic.close()
+    assert np.abs(np.array(counts)[[30, 60, 90, 120, 150]] - [31, 33, 32, 29, 26]).max() <= 2
+
+
+def test_nobody_is_in_the_world_twice_and_no_id_repeats(cologne):
+    ids, names = cologne.states.participant_id, cologne.sumo.name
+    assert len(set(ids.tolist())) == len(ids)
+    assert len(set(names)) == len(names)
+    assert not any(name.startswith(("interdrive", "egoVehicle")) for name in names)
+    x, y, valid = cologne.states.x, cologne.states.y, cologne.states.valid
+    for step in range(cologne.states.n_steps):
+        there = np.flatnonzero(valid[:, step])
+        places = np.round(np.stack([x[there, step], y[there, step]], axis=1), 2)
+        assert len(np.unique(places, axis=0)) == len(there)
+
+
+def test_vehicles_move_as_fast_as_they_say(cologne):
+    states = cologne.states
+    both = states.valid[:, 1:] & states.valid[:, :-1]
+    way = np.hypot(np.diff(states.x, axis=1), np.diff(states.y, axis=1))[both]
+    fast = 0.1 * np.maximum(states.velocity[:, 1:], states.velocity[:, :-1])[both]
+    assert np.quantile(way - fast, 0.99) < 0.1, "m per step"
+
+
+def test_a_run_is_the_same_with_more_threads_and_again_and_another_with_another_seed(published, cologne):
+    folder = published / "DEU_Cologne-63_5_I-1"
+    first = Simulation(folder, threads=1)
+    second = Simulation(folder, threads=2)  # both at once
+    while not (first.is_done and second.is_done):
+        first.step()
+        second.step()
+    assert first.record().digest == second.record().digest == cologne.digest
+    other = idr.simulate(folder, threads=1, seed=1)
+    assert other.sumo is not None
+    assert other.digest != cologne.digest
+
+
+@pytest.mark.parametrize("planner", ["rollout", "frenet"])
+def test_published_problems_are_driven_without_a_collision(published, planner):
+    runs = [
+        idr.simulate(folder, planner=planner, predictor="lane_following", threads=1)
+        for folder in sorted(published.iterdir())
+    ]
+    ends = [run.outcomes.outcome[0] for run in runs]
+    assert "collision" not in ends
+    assert ends.count("goal_reached") >= 3
+
+
+def test_a_follower_of_sumo_stops_behind_an_agent_that_stands(crossing):
+    # The first vehicle enters 75 m behind the agent with up to 13.9 m/s.
+    run = idr.simulate(standing(crossing, -40.0), planner=Stands, settings={"step.max_steps": 150}, threads=1)
+    agent = int(np.searchsorted(run.states.participant_id, 900))
+    behind = rows_of(run, "west_east.0")
+    there = run.states.valid[behind]
+    last = np.flatnonzero(there)[-1]
+    gap = run.states.x[agent, last] - run.states.x[behind, last]
+    gap -= 0.5 * (run.states.length[agent] + run.states.length[behind])
+    assert run.states.velocity[behind, last] < 0.5, "m/s"
+    assert 0.2 < gap < 3.0, "m"
+    assert run.outcomes.outcome == ("time_limit",), "nobody hits it"
+
+
+def test_the_agent_and_sumo_see_the_same_lights(crossing):
+    run = idr.simulate(crossing, threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert not [rule for rule in run.violations.rule if rule == "red_light"]
+    agent = int(np.searchsorted(run.states.participant_id, 900))
+    # Red until 45 s: it stands before its line, vehicles of SUMO in the same lane behind it.
+    assert run.states.velocity[agent, 400] < 0.1
+    before = (run.states.x[:, 400] < -7.0) & (np.abs(run.states.y[:, 400] + 1.6) < 0.5) & run.states.valid[:, 400]
+    assert np.count_nonzero(before) >= 4
+    assert np.nanmax(run.states.x[before, 400]) == run.states.x[agent, 400]
+
+
+def test_lights_of_sumo_count_for_agents_where_the_file_has_none(crossing):
+    text = (crossing / "crossing.cr.xml").read_text()
+    text = re.sub(r"<trafficLightRef[^>]*/>|<trafficLight id.*?</trafficLight>", "", text, flags=re.DOTALL)
+    (crossing / "crossing.cr.xml").write_text(text)
+    scenario = idr.read_source(crossing)
+    assert any("obeyed by agents, too" in note for note in scenario.notes)
+    run = idr.simulate(scenario, threads=1)
+    agent = int(np.searchsorted(run.states.participant_id, 900))
+    assert run.states.velocity[agent, 400] < 0.1, "red until 45 s"
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
+def test_vehicles_of_sumo_cross_at_least_a_second_before_or_after_an_agent(crossing):
+    """Post-encroachment times at the middle of the crossing, in three seeds."""
+    for seed in range(3):
+        run = idr.simulate(crossing, seed=seed, threads=1)
+        states = run.states
+        agent = int(np.searchsorted(states.participant_id, 900))
+        inside = states.valid & (np.abs(states.x) < 4.0) & (np.abs(states.y) < 4.0)
+        own = np.flatnonzero(inside[agent])
+        crossing_ways = [row for row in range(len(inside)) if abs(np.cos(np.nanmedian(states.orientation[row]))) < 0.5]
+        for row in crossing_ways:
+            theirs = np.flatnonzero(inside[row])
+            if len(theirs) and len(own):
+                assert min(abs(own[0] - theirs[-1]), abs(theirs[0] - own[-1])) >= 10, "time steps of 0.1 s"
+
+
+def test_an_agent_that_stands_for_two_minutes_stays_in_sumo_and_is_gone_when_it_has_ended(crossing):
+    simulation = Simulation(standing(crossing, -40.0), threads=1)
+    traffic = Traffic(simulation.scenario, simulation.agents, np.inf, 0)
+    traffic.first(0)
+    state = np.array([[-40.0, -1.6, 0.0, 0.0, 0.0, 0.0]])
+
+    def behind(outside):
+        """Speed of the first vehicle in its lane [m/s]."""
+        _, ids, states, _ = outside
+        return states[[traffic.names[number] for number in ids].index("west_east.0"), 3]
+
+    for step in range(1200):
+        there = traffic.step(step, [900], state)
+    assert behind(there) < 0.1
+    for step in range(1200, 1240):
+        there = traffic.step(step, [], np.empty((0, 6)))
+    assert behind(there) > 3.0
+    traffic.close()
+
+
+def test_the_files_of_the_folder_stay_as_they_are(crossing):
+    before = {file.name: file.read_bytes() for file in crossing.iterdir()}
+    idr.simulate(standing(crossing, 80.0, velocity=5.0), threads=1)
+    assert {file.name: file.read_bytes() for file in crossing.iterdir()} == before
+
+
+def test_a_run_says_in_one_line_that_sumo_has_ended(crossing):
+    simulation = Simulation(crossing, threads=1)
+    simulation.step()
+    child = simulation._sumo._process._child
+    os.kill(child.pid, signal.SIGKILL)
+    begin = time.monotonic()
+    with pytest.raises(InterdriveError, match=r"SUMO ended at time step 1: it said nothing \(exit code -9\)"):
+        simulation.step()
+    assert time.monotonic() - begin < 5.0, "s"
+
+
+def test_no_process_is_left_when_the_run_is_killed(crossing, tmp_path):
+    code = (
+        f"import interdrive as idr\ns = idr.Simulation({str(crossing)!r}, threads=1)\n"
+        "print(s._sumo._process._child.pid, flush=True)\nwhile True: s.step()"
+    )
+    run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    child = Path(f"/proc/{int(run.stdout.readline())}/status")
+    run.kill()
+    run.wait()
+    deadline = time.monotonic() + 10.0
+    while child.exists() and "zombie" not in child.read_text():
+        assert time.monotonic() < deadline, "SUMO still runs"
+        time.sleep(0.1)
+
+
+def test_a_stored_run_is_repeated_and_another_version_is_refused(crossing, tmp_path):
+    def command(*arguments):
+        return subprocess.run(
+            [sys.executable, "-m", "interdrive", *arguments], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+
+    done = command("run", str(crossing), "--out", "made", "--quiet", "--threads", "1")
+    assert done.returncode == 0, done.stderr
+    found = idr.load(tmp_path / "made")
+    assert found.sumo.name[0].startswith(("east_west", "north_south", "south", "west_east"))
+    assert command("verify", "made").returncode == 0
+    info = tmp_path / "made" / "run.json"
+    text = json.loads(info.read_text())
+    text["versions"]["libsumo"] = "1.0.0"
+    info.write_text(json.dumps(text))
+    refused = command("verify", "made")
+    assert refused.returncode == 2
+    assert "was made with SUMO 1.0.0" in refused.stderr
+
+
+def test_an_exported_run_is_driven_by_sumo_with_the_agents_as_its_own_vehicles(crossing, tmp_path):
+    run = idr.simulate(crossing, threads=1)
+    run.save(tmp_path / "made")
+    command = [sys.executable, "-m", "interdrive", "export", "made", "--sumo", "for_sumo"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    routes = (tmp_path / "for_sumo" / "agents.rou.xml").read_text()
+    assert '<route edges="west_center center_east"' in routes
+    with (tmp_path / "for_sumo" / "fcd.xml").open("rb") as file:
+        steps = list(fromstring(file.read()))
+    assert len(steps) == run.states.n_steps
+    agent = next(one for one in steps[0] if one.get("id") == "900")
+    # Front bumper, and degrees clockwise from north.
+    assert float(agent.get("x")) == pytest.approx(-100.0 + 0.5 * run.states.length[0], abs=1e-3)
+    assert (float(agent.get("angle")), float(agent.get("speed"))) == (90.0, 10.0)
+    (crossing / "crossing.rou.xml").write_text(routes)
+    again = Traffic(idr.read_source(crossing), [], np.inf, 0)
+    _, ids, states, _ = again.step(0, [], np.empty((0, 6)))
+    again.close()
+    assert [again.names[number] for number in ids] == ["agent_900"]
+    assert states[0, :2] == pytest.approx([-99.0, -1.6], abs=1.5)
