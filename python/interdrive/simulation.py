@@ -24,7 +24,7 @@ from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import Failure, ask, planned
 from interdrive.planners.workers import Wanted, Workers, can_be_sent
 from interdrive.run import Plans, Views
-from interdrive.run.assemble import agent_record, digest, hits_of, outcomes_of, states_of, timings_of
+from interdrive.run.assemble import agent_record, digest, hits_of, named_by_sumo, outcomes_of, states_of, timings_of
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.flows import demand_of
 from interdrive.run.goals import said_seconds
@@ -493,7 +493,7 @@ class Simulation:
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
             demand=self._demand(states, outcomes),
-            sumo=None if self._sumo is None else self._sumo.participants(),
+            sumo=None if self._sumo is None else named_by_sumo(self._sumo.names),
             profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),

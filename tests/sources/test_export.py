@@ -3,6 +3,7 @@
 import re
 import time
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import foreign_files as ff
 import numpy as np
@@ -158,7 +159,11 @@ def test_the_command_writes_what_is_asked_for_and_replaces_nothing(run, tmp_path
     assert said.err == f"error: --csv {table}: exists already; name another file, or add --overwrite\n"
     assert called("--csv", table, "--overwrite")[0] == 0
     assert table.read_bytes() == before
-    assert called()[1].err == "error: nothing to write: add --osi FILE.mcap or --csv FILE.csv\n"
+    assert called()[1].err == "error: nothing to write: add --osi FILE.mcap, --csv FILE.csv or --sumo DIR\n"
+    assert called("--sumo", tmp_path / "for_sumo")[0] == 0
+    steps = list(ElementTree.parse(tmp_path / "for_sumo" / "fcd.xml").getroot())
+    assert [len(steps), len(steps[0])] == [run.states.n_steps, np.count_nonzero(run.states.valid[:, 0])]
+    assert called("--sumo", tmp_path / "for_sumo")[1].err.endswith("name another folder, or add --overwrite\n")
     assert called("--osi", tmp_path / "a.txt")[1].err.endswith("name a file that ends in .mcap or .osi\n")
 
 

@@ -105,3 +105,8 @@ def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
 def test_generated_traffic_is_refused_beside_it(crossing):
     with pytest.raises(InputError, match="SUMO makes its traffic; leave out --traffic"):
         idr.simulate(crossing, traffic="rate=600")
+
+
+def test_a_batch_takes_a_folder_of_such_folders(crossing, tmp_path):
+    done = idr.batch(crossing.parent, tmp_path / "batch", planner="idm", workers=1)
+    assert sum(done.status.values()) == done.status["finished"] == 1

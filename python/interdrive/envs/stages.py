@@ -194,6 +194,8 @@ def _belongs(path: Path, settings: EnvSettings) -> bool:
 
 def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     simulation = setup.settings.simulation
+    if scenario.sumo is not None:
+        raise InputError("scenarios", f"{scenario.name}: SUMO drives its traffic, which environments do not have")
     steps = (setup.settings.decision_seconds or scenario.dt) / scenario.dt
     if abs(steps - round(steps)) > 1e-6 or round(steps) < 1:
         raise InputError(

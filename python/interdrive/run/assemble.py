@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from interdrive.run.arrays import OUTCOMES, PHASES, Hits, Outcomes, Plans, States, Timings
+from interdrive.run.arrays import OUTCOMES, PHASES, Hits, Outcomes, Plans, States, SumoParticipants, Timings
 from interdrive.run.record import AgentRecord, RunRecord
 from interdrive.scenario import KINDS, STATE_FIELDS
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
@@ -54,6 +54,11 @@ def hits_of(hits: Sequence[tuple[int, int, int, float, str]]) -> Hits:
         impact_speed=np.array([row[3] for row in rows], dtype=np.float64),
         collision_type=tuple(row[4] for row in rows),
     )
+
+
+def named_by_sumo(names: Mapping[int, str]) -> SumoParticipants:
+    """What SUMO calls its participants, by id."""
+    return SumoParticipants(np.array(list(names), dtype=np.int64), tuple(names.values()))
 
 
 def states_of(raw: dict[str, Any]) -> States:

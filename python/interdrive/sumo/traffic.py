@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from interdrive import _core
-from interdrive.run import SumoParticipants
 from interdrive.scenario import KINDS, SIGNALS
 from interdrive.scenario.control import shown_together
 from interdrive.sumo.process import Process
@@ -155,10 +154,6 @@ class Traffic:
     def close(self) -> None:
         """Ends SUMO."""
         self._process.close()
-
-    def participants(self) -> SumoParticipants:
-        """Those that were in the run."""
-        return SumoParticipants(np.array(list(self.names), dtype=np.int64), tuple(self.names.values()))
 
     def notes(self) -> list[str]:
         """What users should know of it, one line each."""
