@@ -162,7 +162,10 @@ def test_the_command_writes_what_is_asked_for_and_replaces_nothing(run, tmp_path
     assert called()[1].err == "error: nothing to write: add --osi FILE.mcap, --csv FILE.csv or --sumo DIR\n"
     assert called("--sumo", tmp_path / "for_sumo")[0] == 0
     steps = list(ElementTree.parse(tmp_path / "for_sumo" / "fcd.xml").getroot())
-    assert [len(steps), len(steps[0])] == [run.states.n_steps, np.count_nonzero(run.states.valid[:, 0])]
+    assert [len(steps), len(steps[0])] == [
+        run.states.n_steps,
+        np.count_nonzero(run.states.valid[:, 0] & ~run.states.is_static),
+    ]
     assert called("--sumo", tmp_path / "for_sumo")[1].err.endswith("name another folder, or add --overwrite\n")
     assert called("--osi", tmp_path / "a.txt")[1].err.endswith("name a file that ends in .mcap or .osi\n")
 
