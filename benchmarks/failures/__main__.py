@@ -1,12 +1,14 @@
 """Failure search on planners with planted faults, and the table of searches that were done with the command.
 
 python benchmarks/failures [--planners Late,...] [--runs 300] [--seeds 5] [--workers 1] [--out DIR] [--page PAGE]
+python benchmarks/failures --detected [--planners Late,...] [--runs 300] [--seeds 5] [--out DIR] [--page PAGE]
 python benchmarks/failures --searches DIR ... [--page PAGE]
 
-Without --searches, every planted planner of planted.py is searched on t_junction with each seed; printed are the rates
-of uniform and directed runs and their ratio, when the first failure was found, and the overhead beside the same runs by
-`interdrive.simulate`. With --searches, the rows of `interdrive search compare`, and the failures of each. Folders that
-hold a search already are not driven again. --page writes the tables into a page, below the headings with their names.
+With --searches, the rows of `interdrive search compare`, and the failures of each. Otherwise the planted planners of
+planted.py are searched on t_junction with each seed. With --detected a search ends with its first failure, and printed
+is in which run that is; without, the rates of uniform and directed runs, their ratio, and the overhead beside the same
+runs by `interdrive.simulate`. Searches that are there already are not driven again. --page writes the tables into a
+page, between the marks with their names.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import math
 import re
 import statistics
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -66,14 +69,38 @@ def row_of(name: str, found: list[Summary]) -> list[str]:
     ]
 
 
-def overhead(out: Path, runs: int) -> str:
+def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -> list[list[str]]:
+    """A row for every planner with a planted fault: in which run of a seed the first failure was found."""
+    rows = []
+    for name in names:
+        first, kinds = [], set()
+        for seed in range(seeds):
+            found = idr.search(
+                SCENARIO,
+                f"planted:{name}",
+                runs=runs,
+                seed=seed,
+                out=out / f"{name}-{seed}",
+                workers=workers,
+                stop_after=1,
+            )
+            first.append(found.runs if found.failures else 0)
+            kinds |= {one.failure for one in found.failures}
+            print(f"{name} seed {seed}: run {first[-1]}", file=sys.stderr, flush=True)
+        hits = sorted(n for n in first if n)
+        median = f"{statistics.median(hits):g}" if hits else ""
+        rows.append([name, f"{len(hits)} of {seeds}", median, f"{max(hits)}" if hits else "", ", ".join(sorted(kinds))])
+    return rows
+
+
+def overhead(runs: int) -> str:
     """Time of a search beside the time of its runs by `simulate`, on one process."""
     from interdrive.failure_search.disturbed_worlds import disturbed
     from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
     from interdrive.failure_search.spaces import Space
     from interdrive.failure_search.trials import Drivers, Setup, change_at, drive_at
 
-    folder = out / "overhead"
+    folder = Path(tempfile.mkdtemp()) / "overhead"
     idr.search(SCENARIO, "idm", runs=1, out=folder, seed=1)  # what is imported and read once
     begin = time.process_time()
     idr.search(SCENARIO, "idm", runs=1 + runs, out=folder, seed=1)
@@ -127,7 +154,7 @@ def written(page: Path, section: str, text: str) -> None:
     begin, end = f"<!-- {section}: written by benchmarks/failures -->", f"<!-- end of {section} -->"
     old = page.read_text(encoding="utf-8")
     new, n = re.subn(
-        f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: f"{begin}\n{text}\n{end}", old, flags=re.DOTALL
+        f"{re.escape(begin)}.*?{re.escape(end)}", lambda _: f"{begin}\n\n{text}\n\n{end}", old, flags=re.DOTALL
     )
     if n != 1:
         sys.exit(f"{page}: there is no {begin}")
@@ -141,6 +168,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/failures"))
+    parser.add_argument("--detected", action="store_true")
     parser.add_argument("--searches", nargs="+")
     parser.add_argument("--page", type=Path)
     given = parser.parse_args()
@@ -150,6 +178,9 @@ def main() -> None:
         parts["shipped planners"] = table(HEAD[1:], rows)
         head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
         parts["their failures"] = table(head, failures) if failures else "None."
+    elif given.detected:
+        rows = detected(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
+        parts["detected"] = table(("planted", "found in", "median run", "last run", "kinds"), rows)
     else:
         head = (
             *("planted", "uniform fail", "[%]", "directed fail", "[%]", "times uniform (median)"),
@@ -157,7 +188,7 @@ def main() -> None:
         )
         rows = planted(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
         parts["planted faults"] = table(head, rows)
-        parts["overhead"] = overhead(given.out, 60)
+        parts["overhead"] = overhead(60)
     for name, text in parts.items():
         print(f"{name}\n\n{text}\n")
         if given.page is not None:
