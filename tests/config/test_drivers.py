@@ -200,11 +200,11 @@ def test_a_single_agent_may_be_told_what_its_driver_wants(road):
 def test_a_batch_runs_with_drivers(road, tmp_path):
     path = tmp_path / "road.xml"
     idr.write_scenario(road, path)
-    idr.batch([path], tmp_path / "batch", planner=["idm", "idm,drivers=house"], workers=1)
+    idr.batch([path], tmp_path / "batch", planner=["idm", "idm,drivers=house", "idm,drivers=calibrated"], workers=1)
     rows = idr.read_batch(tmp_path / "batch").to_pylist()
     digests = {row["planner"]: row["digest"] for row in rows}
-    assert set(digests) == {"idm", "idm,drivers=house"}
-    assert len(set(digests.values())) == 2
+    assert set(digests) == {"idm", "idm,drivers=house", "idm,drivers=calibrated"}
+    assert len(set(digests.values())) == 3
     assert all(row["status"] == "finished" for row in rows)
 
 

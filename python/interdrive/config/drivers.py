@@ -339,7 +339,7 @@ def _provenance(given: object) -> Mapping[str, Any]:
     places = given.get("places", [])
     if not isinstance(places, list) or not all(isinstance(place, str) for place in places):
         raise InputError("provenance.places", f"must be a list of names of places, is {places!r}")
-    return MappingProxyType(dict(given))
+    return dict(given)  # batches send it to other processes
 
 
 #: Bounds of `[driver]`, as those of the settings of `idm`.
