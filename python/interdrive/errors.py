@@ -14,6 +14,9 @@ class InterdriveError(Exception):
     `InputError("agent 5", "view.sensor_radius", "must be positive, not -1")`.
     """
 
+    #: Exit code of a command that it ends.
+    exit_code = 2
+
     @property
     def location(self) -> str:
         """File, agent, setting or option; "" if it is part of the message."""

@@ -19,6 +19,14 @@ def crossing(tmp_path):
     return folder
 
 
+@pytest.fixture
+def equal_crossing(tmp_path):
+    """A copy of the crossing at which vehicles from the right go first."""
+    folder = tmp_path / "equal_crossing"
+    shutil.copytree(Path(__file__).parent / "equal_crossing", folder)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def published():
     """Folder of published interactive scenarios."""

@@ -1,4 +1,4 @@
-"""Makes the crossing of these tests anew: two roads with traffic lights, and vehicles on each of its ways.
+"""Makes the crossings of these tests anew: two roads with and without traffic lights, and vehicles on their ways.
 
     python tests/sumo/make_crossing.py NETCONVERT
 
@@ -14,7 +14,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parent / "crossing"
+FOLDER = Path(__file__).resolve().parent
+#: Folders by SUMO's type of the junction.
+TYPES = {"crossing": "traffic_light", "equal_crossing": "right_before_left"}
 #: Half the length of the roads [m].
 ARM = 120
 NAMES = {"west": (-ARM, 0), "east": (ARM, 0), "south": (0, -ARM), "north": (0, ARM)}
@@ -60,13 +62,14 @@ PROBLEM = """
 """
 
 
-def main() -> int:
-    """Makes the files."""
-    FOLDER.mkdir(exist_ok=True)
-    net = FOLDER / "crossing.net.xml"
+def make(name: str, kind: str) -> None:
+    """Makes the files of a folder."""
+    folder = FOLDER / name
+    folder.mkdir(exist_ok=True)
+    net = folder / "crossing.net.xml"
     with tempfile.TemporaryDirectory() as made:
         nodes, edges = Path(made) / "a.nod.xml", Path(made) / "a.edg.xml"
-        nodes.write_text(f'<nodes>{NODES}<node id="center" x="0" y="0" type="traffic_light"/></nodes>')
+        nodes.write_text(f'<nodes>{NODES}<node id="center" x="0" y="0" type="{kind}"/></nodes>')
         edges.write_text(f"<edges>{EDGES}</edges>")
         subprocess.run(
             [
@@ -82,12 +85,20 @@ def main() -> int:
         f'<route edges="{a}_center center_{b}"/></flow>'
         for a, b, every in WAYS
     )
-    car = '<vType id="car" length="4.6" width="1.8" sigma="0"/>'
-    (FOLDER / "crossing.rou.xml").write_text(f"<routes>{car}{flows}</routes>\n")
-    (FOLDER / "crossing.sumocfg").write_text(CONFIG)
-    roads = FOLDER / "crossing.cr.xml"
-    subprocess.run([sys.executable, "-m", "interdrive", "convert", net, "--out", roads], check=True)
+    # Drivers without lights are not all alike, so that seeds differ.
+    sigma = "0" if kind == "traffic_light" else "0.5"
+    car = f'<vType id="car" length="4.6" width="1.8" sigma="{sigma}"/>'
+    (folder / "crossing.rou.xml").write_text(f"<routes>{car}{flows}</routes>\n")
+    (folder / "crossing.sumocfg").write_text(CONFIG)
+    roads = folder / "crossing.cr.xml"
+    subprocess.run([sys.executable, "-m", "interdrive", "convert", net, "--out", roads, "--overwrite"], check=True)
     roads.write_text(roads.read_text().replace("</commonRoad>", f"{PROBLEM.strip()}\n</commonRoad>"))
+
+
+def main() -> int:
+    """Makes all files."""
+    for name, kind in TYPES.items():
+        make(name, kind)
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import re
 
 import pytest
 
@@ -91,7 +92,16 @@ def moved_net(folder):
             lambda folder: edited(folder, "crossing.sumocfg", "<configuration>", "<!DOCTYPE a><configuration>"),
             "has a document type",
         ),
-        (lambda folder: edited(folder, "crossing.sumocfg", "</input>", ""), "line"),
+        (lambda folder: edited(folder, "crossing.sumocfg", "</input>", ""), "crossing.sumocfg: line 5"),
+        (lambda folder: edited(folder, "crossing.rou.xml", "</routes>", ""), "crossing.rou.xml: line"),
+        (
+            lambda folder: edited(folder, "crossing.rou.xml", "</routes>", '<edgeData id="a" file="/tmp/a"/></routes>'),
+            "crossing.rou.xml: names /tmp/a (edgeData), which lies outside its folder",
+        ),
+        (
+            lambda folder: edited(folder, "crossing.sumocfg", 'step-length value="0.1"', 'step-length value="nan"'),
+            "step-length is no number",
+        ),
     ],
 )  # fmt: skip
 def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
@@ -105,6 +115,36 @@ def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
 def test_generated_traffic_is_refused_beside_it(crossing):
     with pytest.raises(InputError, match="SUMO makes its traffic; leave out --traffic"):
         idr.simulate(crossing, traffic="rate=600")
+
+
+def test_inputs_may_have_all_their_names_and_stand_in_any_section(crossing):
+    (crossing / "crossing.sumocfg").write_text(
+        '<configuration><net value="crossing.net.xml"/><r v="crossing.rou.xml"/></configuration>'
+    )
+    assert [name for name, _ in idr.read_source(crossing).sumo.files][1:] == ["crossing.net.xml", "crossing.rou.xml"]
+
+
+def test_a_begin_at_a_time_of_day_moves_the_lights(crossing):
+    text = (crossing / "crossing.cr.xml").read_text()
+    text = re.sub(r"<trafficLightRef[^>]*/>|<trafficLight id.*?</trafficLight>", "", text, flags=re.DOTALL)
+    (crossing / "crossing.cr.xml").write_text(text)
+    offsets = []
+    for begin in ("45", "00:00:45"):
+        edited(crossing, "crossing.sumocfg", 'begin value="', f'begin value="{begin}" was="')
+        offsets.append({light.offset for light in idr.read_source(crossing).traffic_lights})
+        edited(crossing, "crossing.sumocfg", f'begin value="{begin}" was="', 'begin value="')
+    assert offsets == [{450}, {450}]
+
+
+def test_a_width_of_sublanes_that_cannot_be_leaves_the_default(crossing):
+    # PROTO 4, DefaultConfig without arguments, its state {"lateral_resolution": 2 to the power of 2000}.
+    names = b"\x8c\x1asumocr.sumo_config.default\x8c\x0dDefaultConfig\x93)\x81}"
+    number = b"\x8a\xfb" + (2**2000).to_bytes(251, "little")
+    (crossing / "simulation_config.p").write_bytes(
+        b"\x80\x04" + names + b"\x8c\x12lateral_resolution" + number + b"sb."
+    )
+    assert values_of((crossing / "simulation_config.p").read_bytes()) == {"lateral_resolution": 2**2000}
+    assert idr.read_source(crossing).sumo.lateral_resolution == 0.0
 
 
 def test_a_batch_takes_a_folder_of_such_folders(crossing, tmp_path):

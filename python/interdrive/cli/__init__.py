@@ -81,7 +81,7 @@ class _Commands(click.Group):
             code = super().invoke(ctx)
             sys.stdout.flush()
         except InterdriveError as error:
-            return _complain(str(error), 2)
+            return _complain(str(error), error.exit_code)
         except KeyboardInterrupt as stop:
             # How far a simulation came matters only where it is kept.
             told = "" if hasattr(stop, "run") else str(stop)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import math
 import posixpath
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-from xml.etree.ElementTree import tostring
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 
@@ -19,7 +21,6 @@ from interdrive.scenario import Scenario, ScenarioSource, SumoTraffic
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
-    from xml.etree.ElementTree import Element
 
 #: Name of the format in run.json.
 FORMAT = "SUMO scenario"
@@ -30,8 +31,18 @@ _PICKLE = "simulation_config.p"
 _APART = 50.0
 #: Steps of SUMO that make up a time step may differ from it by this share.
 _ROUNDING = 1e-6
-#: Names of inputs that SUMO also knows by one letter.
-_SHORT = {"n": "net-file", "r": "route-files", "a": "additional-files"}
+#: Inputs by all the names that SUMO has for them.
+_INPUTS = {
+    **dict.fromkeys(("n", "net", "net-file"), "net-file"),
+    **dict.fromkeys(("r", "routes", "route-files"), "route-files"),
+    **dict.fromkeys(("a", "additional", "additional-files"), "additional-files"),
+}
+#: Options by which SUMO writes files, or waits for programs or people.
+_WRITING = re.compile(r"output|log$|^save-|^write-|^gui|^remote|^num-clients|state|^load|verbose|prefix|configuration")
+#: Attributes in files of SUMO that name files.
+_FILE_ATTRIBUTES = ("file", "output", "outputFile", "sourceFile", "href")
+#: Sublanes are no wider [m].
+_WIDEST = 100.0
 
 
 def is_sumo_folder(path: Path) -> bool:
@@ -54,19 +65,21 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
     roads = _only(file, (_ROADS,), "a CommonRoad file (*.cr.xml)")
     where = path / config
     document = SourceFile(where).document()
-    data = {config: file.beside(config)}
+    data = {config: _without_outputs(document)}
+    file.beside(config)  # its hash is that of what the user has
     named = _inputs(document, where)
     for option, names in named.items():
         for name in names:
             if not (path / name).is_file():
                 raise InputError(f"{where}: names {name} ({option}), which is not there; put it there")
             data[name] = file.beside(name)
+            _check_inside(SourceFile(path / name).document(), path / name)
     if len(named.get("net-file", ())) != 1:
         raise InputError(f"{where}: names no net; give net-file")
+    net = SourceFile(path / named["net-file"][0]).document()
     said, notes = _said(path, file)
     content = _with_own_ids(file.beside(roads), path / roads, notes)
     scenario = read_roads(content, str(path / roads), path / roads)
-    net = SourceFile.within(path / named["net-file"][0], data[named["net-file"][0]]).document()
     offset = _offset(net)
     _check_place(scenario, net, offset, path / named["net-file"][0])
     moving = int((~scenario.obstacles.is_static).sum())
@@ -128,22 +141,50 @@ def _with_own_ids(content: bytes, where: Path, notes: list[str]) -> bytes:
 
 
 def _inputs(document: Element, where: Path) -> dict[str, list[str]]:
-    """Files that a configuration reads, by option.
+    """Files that a configuration reads, by option, whatever the section.
 
     Raises:
-        InputError: It reads or writes a file outside its folder.
+        InputError: It reads a file outside its folder.
     """
     found: dict[str, list[str]] = {}
-    for section in ("input", "output"):
-        for element in document.iterfind(f"{section}/*"):
-            names = [name.strip() for name in (element.get("value") or element.get("v") or "").split(",")]
-            option = _SHORT.get(element.tag, element.tag)
-            for name in names:
-                if posixpath.isabs(name) or ".." in name.replace("\\", "/").split("/"):
-                    raise InputError(f"{where}: names {name} ({option}), which lies outside its folder; put it there")
-            if section == "input" and option in _SHORT.values():
-                found.setdefault(option, []).extend(name for name in names if name)
+    for element in document.iter():
+        option = _INPUTS.get(element.tag)
+        if option is None:
+            continue
+        names = [name.strip() for name in _value(element).split(",")]
+        for name in names:
+            if _is_outside(name):
+                raise InputError(f"{where}: names {name} ({option}), which lies outside its folder; put it there")
+        found.setdefault(option, []).extend(name for name in names if name)
     return found
+
+
+def _without_outputs(document: Element) -> bytes:
+    """The configuration without options by which SUMO writes files, or waits for programs or people."""
+    kept = Element("configuration")
+    for element in document.iter():
+        is_option = element.get("value") is not None or element.get("v") is not None
+        if is_option and not len(element) and not _WRITING.search(element.tag):
+            SubElement(kept, element.tag, value=_value(element))
+    return tostring(kept)
+
+
+def _value(element: Element) -> str:
+    return element.get("value") or element.get("v") or ""
+
+
+def _check_inside(document: Element, where: Path) -> None:
+    """Raises InputError if a file that SUMO reads makes it read or write elsewhere."""
+    for element in document.iter():
+        for name in _FILE_ATTRIBUTES:
+            if _is_outside(element.get(name, "")):
+                raise InputError(
+                    f"{where}: names {element.get(name)} ({element.tag}), which lies outside its folder; put it there"
+                )
+
+
+def _is_outside(name: str) -> bool:
+    return posixpath.isabs(name) or ".." in name.replace("\\", "/").split("/")
 
 
 def _said(path: Path, file: SourceFile) -> tuple[dict[str, Any], list[str]]:
@@ -162,16 +203,21 @@ def _whole(said: dict[str, Any], name: str, usual: int) -> int:
 
 
 def _number(document: Element, option: str) -> float | None:
-    element = document.find(f".//{option}")
+    """A number of an option; times may be as H:M:S or D:H:M:S."""
+    element = next(document.iter(option), None)
     try:
-        return None if element is None else float(element.get("value") or element.get("v") or "")
+        parts = [float(part) for part in _value(element).split(":")] if element is not None else []
     except ValueError:
         return None
+    weights = (1.0, 60.0, 3600.0, 86400.0)
+    if not 0 < len(parts) <= len(weights) or not all(map(math.isfinite, parts)):
+        return None
+    return sum(part * weight for part, weight in zip(reversed(parts), weights, strict=False))
 
 
 def _sublanes(document: Element, said: dict[str, Any]) -> float:
     value = said.get("lateral_resolution", _number(document, "lateral-resolution"))
-    return float(value) if isinstance(value, int | float) and value > 0.0 else 0.0
+    return float(value) if isinstance(value, int | float) and 0.0 < value < _WIDEST else 0.0
 
 
 def _delta(document: Element, said: dict[str, Any], dt: float, where: Path) -> int:
@@ -182,8 +228,11 @@ def _delta(document: Element, said: dict[str, Any], dt: float, where: Path) -> i
     """
     if "delta_steps" in said:
         return max(1, _whole(said, "delta_steps", 1))
-    length = _number(document, "step-length") or dt
-    steps = dt / length
+    stated = next(document.iter("step-length"), None)
+    length = dt if stated is None else _number(document, "step-length")
+    if length is None:
+        raise InputError(f"{where}: step-length is no number; correct it")
+    steps = dt / length if length else 0.0
     if steps < 1.0 - _ROUNDING or abs(steps - round(steps)) > _ROUNDING * steps:
         raise InputError(f"{where}: step-length {length:g} s does not divide the time step of {dt:g} s; change it")
     return round(steps)

@@ -1,24 +1,26 @@
 """A process with one simulation of SUMO, which may end without taking the run with it.
 
-It answers one line of JSON for each line that it reads; what SUMO prints goes to its standard error.
+It answers one line of JSON for each line that it reads; what SUMO prints goes to its standard error. When there is
+nothing more to read it removes the folder that it runs in.
 
 Requests: first the options of SUMO and the time steps before the run; then, for each time step, the agents that are
-new or gone, where agents will be, and which of SUMO's vehicles leave. Answers: SUMO's participants, and what is new of
-them.
+new or gone, where agents will be, and which of SUMO's participants leave. Answers: SUMO's participants, and what is new
+of them. Participants are called by their domain, vehicle or person, and their name, as both may have the same names.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import shutil
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from typing import TextIO
 
-#: Names of agents within SUMO begin with this.
-_OURS = "interdrive_"
 #: Vehicles of the route files that the agents stand in for begin with this.
 _STOOD_IN_FOR = "egoVehicle"
 #: Agents do as they are told: no check of speeds, no change of lanes by SUMO.
@@ -26,50 +28,80 @@ _NO_CHECKS = 0
 
 
 class Simulation:
-    """SUMO's simulation."""
+    """SUMO's simulation.
 
-    def __init__(self, sumo: Any, options: list[str], delta_steps: int) -> None:  # noqa: ANN401 - no types
-        self._sumo, self._delta_steps = sumo, delta_steps
-        self._known: set[str] = set()
+    Names of agents begin with `prefix`.
+    """
+
+    def __init__(self, sumo: Any, options: list[str], delta_steps: int, prefix: str) -> None:  # noqa: ANN401 - no types
+        self._sumo, self._delta_steps, self._prefix = sumo, delta_steps, prefix
+        self._known: set[tuple[str, str]] = set()
+        self._at: dict[int, tuple[float, float, float]] = {}
         sumo.start(["sumo", *options])
 
     def before(self, steps: int) -> dict[str, Any]:
-        """Simulates time steps without agents; those that agents stand in for leave."""
+        """Simulates time steps without agents."""
         for _ in range(steps * self._delta_steps):
             self._sumo.simulationStep()
-        for name in self._sumo.vehicle.getIDList():
-            if name.startswith(_STOOD_IN_FOR):
-                self._sumo.vehicle.remove(name)
         return self._there()
 
     def step(self, request: dict[str, Any]) -> dict[str, Any]:
         """One time step."""
-        vehicle = self._sumo.vehicle
+        vehicle, person = self._sumo.vehicle, self._sumo.person
         there = set(vehicle.getIDList())
-        for name in [*(_OURS + str(number) for number in request["ended"]), *request["leaving"]]:
-            if name in there:
+        for number in request["ended"]:
+            self._at.pop(number, None)
+            if self._prefix + str(number) in there:
+                vehicle.remove(self._prefix + str(number))
+        people = set(person.getIDList())
+        for domain, name in request["leaving"]:
+            if domain == "vehicle" and name in there:
                 vehicle.remove(name)
-        for number, length, width, x, y in request["new"]:
-            self._add(f"{_OURS}{number}", length, width, (x, y))
-        for number, x, y, angle, speed in request["agents"]:
-            vehicle.moveToXY(f"{_OURS}{number}", "", -1, x, y, angle, keepRoute=2)
-            vehicle.setSpeed(f"{_OURS}{number}", speed)
+            elif domain == "person" and name in people:
+                person.removeStages(name)
+        for number, length, width, *place in request["new"]:
+            self._add_type(f"{self._prefix}{number}", length, width)
+            self._at[number] = (place[0], place[1], place[2])
         for light, letters in request["lights"]:
             state = list(self._sumo.trafficlight.getRedYellowGreenState(light))
             for place, letter in letters:
                 state[place] = letter
             self._sumo.trafficlight.setRedYellowGreenState(light, "".join(state))
-        for _ in range(self._delta_steps):
+        for part in range(1, self._delta_steps + 1):
+            self._move(request["agents"], part / self._delta_steps)
             self._sumo.simulationStep()
+        self._at = {number: (x, y, angle) for number, x, y, angle, _ in request["agents"]}
         return self._there()
 
-    def _add(self, name: str, length: float, width: float, place: tuple[float, float]) -> None:
+    def _move(self, agents: list[tuple[int, float, float, float, float]], share: float) -> None:
+        """Puts agents where they are after a share of the time step; SUMO forgets those that leave its roads."""
+        vehicle = self._sumo.vehicle
+        there = {*vehicle.getIDList(), *self._sumo.simulation.getPendingVehicles()}
+        for number, x, y, angle, speed in agents:
+            name = f"{self._prefix}{number}"
+            x0, y0, angle0 = self._at[number]
+            at = x0 + share * (x - x0), y0 + share * (y - y0)
+            if name not in there:
+                self._add(name, at)
+            turned = angle0 + share * math.remainder(angle - angle0, 360.0)
+            vehicle.moveToXY(name, "", -1, *at, turned % 360.0, keepRoute=2)
+            vehicle.setSpeed(name, speed)
+
+    def _add_type(self, name: str, length: float, width: float) -> None:
+        types = self._sumo.vehicletype
+        types.copy("DEFAULT_VEHTYPE", name)
+        types.setLength(name, length)
+        types.setWidth(name, width)
+        types.setVehicleClass(name, "ignoring")  # whatever drives, it is there
+
+    def _add(self, name: str, place: tuple[float, float]) -> None:
         sumo = self._sumo
-        edge, _, _ = sumo.simulation.convertRoad(*place)
-        sumo.vehicletype.copy("DEFAULT_VEHTYPE", name)
-        sumo.vehicletype.setLength(name, length)
-        sumo.vehicletype.setWidth(name, width)
-        sumo.route.add(name, [edge])
+        try:
+            edge = sumo.simulation.convertRoad(*place)[0]
+        except sumo.TraCIException:  # far from all roads
+            edge = next(one for one in sumo.edge.getIDList() if not one.startswith(":"))
+        if name not in sumo.route.getIDList():
+            sumo.route.add(name, [edge])
         sumo.vehicle.add(name, name, typeID=name)
         sumo.vehicle.setSpeedMode(name, _NO_CHECKS)
         sumo.vehicle.setLaneChangeMode(name, _NO_CHECKS)
@@ -77,35 +109,27 @@ class Simulation:
     def _there(self) -> dict[str, Any]:
         """SUMO's own participants and what is new of them.
 
-        For each its name, front, angle, speed across and along, and acceleration.
+        For each its domain, name, front, angle, speed across and along, and acceleration.
         """
-        sumo = self._sumo
         rows, new = [], []
-        for name in sumo.vehicle.getIDList():
-            if name.startswith((_OURS, _STOOD_IN_FOR)):
+        own = self._sumo.vehicle
+        for name in own.getIDList():
+            if name.startswith(self._prefix):
                 continue
-            own = sumo.vehicle
-            x, y = own.getPosition(name)
-            rows.append(
-                (
-                    name,
-                    x,
-                    y,
-                    own.getAngle(name),
-                    own.getLateralSpeed(name),
-                    own.getSpeed(name),
-                    own.getAcceleration(name),
-                )
-            )
-            if name not in self._known:
-                new.append((name, own.getVehicleClass(name), own.getLength(name), own.getWidth(name)))
-        for name in sumo.person.getIDList():
-            own = sumo.person
-            x, y = own.getPosition(name)
-            rows.append((name, x, y, own.getAngle(name), 0.0, own.getSpeed(name), 0.0))
-            if name not in self._known:
-                new.append((name, "pedestrian", own.getLength(name), own.getWidth(name)))
-        self._known.update(row[0] for row in new)
+            if name.startswith(_STOOD_IN_FOR):
+                own.remove(name)
+                continue
+            motion = own.getAngle(name), own.getLateralSpeed(name), own.getSpeed(name), own.getAcceleration(name)
+            rows.append(("vehicle", name, *own.getPosition(name), *motion))
+            if ("vehicle", name) not in self._known:
+                new.append(("vehicle", name, own.getVehicleClass(name), own.getLength(name), own.getWidth(name)))
+        own = self._sumo.person
+        for name in own.getIDList():
+            rows.append(("person", name, *own.getPosition(name), own.getAngle(name), 0.0, own.getSpeed(name), 0.0))
+            if ("person", name) not in self._known:
+                size = max(own.getLength(name), own.getWidth(name))
+                new.append(("person", name, "pedestrian", size, size))
+        self._known.update((domain, name) for domain, name, *_ in new)
         return {"there": rows, "new": new}
 
 
@@ -118,7 +142,7 @@ def main(requests: TextIO, answers: TextIO) -> int:
         request = json.loads(line)
         try:
             if simulation is None:
-                simulation = Simulation(libsumo, request["options"], request["delta_steps"])
+                simulation = Simulation(libsumo, request["options"], request["delta_steps"], request["prefix"])
                 answer = {"version": libsumo.getVersion()[1], **simulation.before(request["before"])}
             else:
                 answer = simulation.step(request)
@@ -135,4 +159,10 @@ if __name__ == "__main__":
     # SUMO prints to standard output: answers keep it, and all else goes to standard error.
     kept = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
-    sys.exit(main(sys.stdin, kept))
+    try:
+        code = main(sys.stdin, kept)
+    except BrokenPipeError:  # the run is gone
+        code = 1
+    if not sys.stdin.readline():  # nobody will read what it said
+        shutil.rmtree(Path.cwd(), ignore_errors=True)
+    os._exit(code)

@@ -29,6 +29,8 @@ _LONGEST = 300
 class SumoError(InterdriveError):
     """SUMO ended before the run; the text names the time step and what it said last."""
 
+    exit_code = 1
+
 
 def installed_version() -> str:
     """Version of the installed libsumo.
@@ -44,13 +46,14 @@ def installed_version() -> str:
 class Process:
     """A simulation of SUMO, at its first time step."""
 
-    def __init__(self, sumo: SumoTraffic, dt: float, seed: int) -> None:
+    def __init__(self, sumo: SumoTraffic, dt: float, seed: int, prefix: str) -> None:
         """Starts it, and simulates what comes before the first time step.
 
         Args:
             sumo: What it simulates.
             dt: Time between steps [s].
             seed: Seed of the run.
+            prefix: Of the names of agents in SUMO; it is made longer until no file has it.
 
         Raises:
             MissingExtraError: SUMO is not installed.
@@ -79,7 +82,13 @@ class Process:
         options = _options(sumo, dt, seed)
         self._silence = 0
         self.first = self._ask(
-            {"options": options, "delta_steps": sumo.delta_steps, "before": sumo.presimulation_steps}, "at its start"
+            {
+                "options": options,
+                "delta_steps": sumo.delta_steps,
+                "before": sumo.presimulation_steps,
+                "prefix": _own(prefix, sumo),
+            },
+            "at its start",
         )
         self._silence = self._said.stat().st_size  # what it says of its libraries is not why it ends
 
@@ -129,6 +138,12 @@ def _end(child: subprocess.Popen[str], folder: str) -> None:
         child.kill()
         child.wait()
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _own(prefix: str, sumo: SumoTraffic) -> str:
+    while any(prefix.encode() in content for _, content in sumo.files):
+        prefix += "_"
+    return prefix
 
 
 def _options(sumo: SumoTraffic, dt: float, seed: int) -> list[str]:

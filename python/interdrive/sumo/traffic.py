@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 #: What `_core.World.advance` takes: new participants, ids, states of shape (ids, 6), ids of those that jumped.
 Outside = tuple[list[tuple[int, int, float, float]], list[int], "Floats", list[int]]
 
+#: Domain and name of a participant of SUMO.
+_Name = tuple[str, str]
+#: Names of agents within SUMO begin with this, and those of nobody else.
+_PREFIX = "interdrive_agent_"
 #: Kinds by SUMO's classes of vehicles.
 KIND_OF_CLASS = {
     "passenger": "car", "private": "car", "evehicle": "car", "hov": "car",
@@ -92,16 +96,17 @@ class Traffic:
         self._signals: list[Ints] = []
         self._n_shown = 0
         self._placed: set[int] = set()
-        self._near: set[str] = set()
+        self._near: set[_Name] = set()
         self._begin = 0
-        self._kinds: dict[str, _Known] = {}
-        self._there: dict[str, _There] = {}
-        self._numbers: dict[str, int] = {}
-        self._leaving: list[str] = []
+        self._kinds: dict[_Name, _Known] = {}
+        self._there: dict[_Name, _There] = {}
+        self._numbers: dict[_Name, int] = {}
+        self._leaving: set[_Name] = set()
+        self._gone: set[_Name] = set()
         self.names: dict[int, str] = {}
         self.jumps = 0
         self.cleared: list[str] = []
-        self._process = Process(scenario.sumo, scenario.dt, seed)
+        self._process = Process(scenario.sumo, scenario.dt, seed, _PREFIX)
         self.version = self._process.version
         self._take(self._process.first)
 
@@ -115,8 +120,9 @@ class Traffic:
 
     def leave(self, number: int) -> None:
         """Lets a participant of SUMO leave before the next time step; another one is left alone."""
-        if number in self.names:
-            self._leaving.append(self.names[number])
+        for name, own in self._numbers.items():
+            if own == number:
+                self._leaving.add(name)
 
     def step(self, time_step: int, ids: Sequence[int], states: Floats) -> Outside:
         """SUMO's participants one time step later, after it has moved all at once.
@@ -137,15 +143,19 @@ class Traffic:
         fronts = {number: self._front(number, state) for number, state in poses.items()}
         request = {
             "ended": sorted(self._placed - set(ids)),
-            "leaving": self._leaving,
-            "new": [(number, *_size(self._agents[number]), *fronts[number][:2]) for number in new],
+            "leaving": sorted(self._leaving),
+            "new": [
+                (number, *_size(self._agents[number]), *self._front(number, _pose(self._agents[number])))
+                for number in new
+            ],
             "agents": [(number, *fronts[number], max(0.0, poses[number][3])) for number in ids],
             "lights": self._shown(time_step),
         }
         self._placed = set(ids)
         before = self._there
+        self._gone |= self._leaving
+        self._leaving = set()
         self._take(self._process.step(request, time_step))
-        self._leaving = []
         waiting = [a for a in self._agents.values() if a.initial_state.time_step > time_step + 1]
         places = [*(tuple(state[:2]) for state in poses.values()), *(_pose(agent)[:2] for agent in waiting)]
         jumped = [name for name, one in self._there.items() if name in before and self._jumps(before[name], one)]
@@ -164,7 +174,8 @@ class Traffic:
                 "jump do not count"
             )
         if self.cleared:
-            found.append(f"SUMO's {', '.join(self.cleared)} left because agents entered where they were")
+            shown = ", ".join(self.cleared[:5]) + (", ..." if len(self.cleared) > 5 else "")
+            found.append(f"SUMO's {shown} left because agents entered where they were")
         return found
 
     def _shown(self, time_step: int) -> list[tuple[str, list[tuple[int, str]]]]:
@@ -182,12 +193,12 @@ class Traffic:
 
     def _take(self, answer: dict[str, Any]) -> None:
         """Where SUMO's participants are now."""
-        for name, kind, length, width in answer["new"]:
-            self._kinds[name] = _Known(KIND_OF_CLASS.get(kind, "unknown"), max(length, 0.1), max(width, 0.1))
+        for domain, label, kind, length, width in answer["new"]:
+            self._kinds[domain, label] = _Known(KIND_OF_CLASS.get(kind, "unknown"), max(length, 0.1), max(width, 0.1))
         before, self._there = self._there, {}
-        gone = set(self._leaving)
-        for name, x, y, angle, across, speed, acceleration in answer["there"]:
-            if name in gone:
+        for domain, label, x, y, angle, across, speed, acceleration in answer["there"]:
+            name = domain, label
+            if name in self._gone:
                 continue
             heading = math.radians(90.0 - angle)
             half = 0.5 * self._kinds[name].length
@@ -203,13 +214,13 @@ class Traffic:
         way = math.dist(before.state[:2], now.state[:2])
         return way > max(before.state[3], now.state[3]) * self._dt + _JUMP
 
-    def _outside(self, places: list[tuple[float, ...]], jumped: list[str]) -> Outside:
+    def _outside(self, places: list[tuple[float, ...]], jumped: list[_Name]) -> Outside:
         """Those near agents, as the core takes them."""
         near = [name for name in sorted(self._there) if self._is_near(name, places)]
         new = [name for name in near if name not in self._numbers]
         for name in new:
             self._numbers[name] = self._next_id
-            self.names[self._next_id] = name
+            self.names[self._next_id] = name[1]
             self._next_id += 1
         self._near = set(near)
         near.sort(key=self._numbers.__getitem__)
@@ -218,11 +229,11 @@ class Traffic:
         states = np.array([self._there[name].state for name in near], dtype=np.float64).reshape(len(near), 6)
         return [self._newcomer(name) for name in new], [self._numbers[name] for name in near], states, moved
 
-    def _newcomer(self, name: str) -> tuple[int, int, float, float]:
+    def _newcomer(self, name: _Name) -> tuple[int, int, float, float]:
         kind, length, width = self._kinds[name]
         return self._numbers[name], KINDS.index(kind), length, width
 
-    def _is_near(self, name: str, places: list[tuple[float, ...]]) -> bool:
+    def _is_near(self, name: _Name, places: list[tuple[float, ...]]) -> bool:
         if math.isinf(self._radius):
             return True
         x, y = self._there[name].state[:2]
@@ -239,8 +250,8 @@ class Traffic:
                 continue
             body = _core.Shape.rectangle(kind.length, kind.width)
             if own.distance((pose[0], pose[1], pose[2]), body, one.state[:3]) < _CLEAR:
-                self._leaving.append(name)
-                self.cleared.append(name)
+                self._leaving.add(name)
+                self.cleared.append(name[1])
                 del self._there[name]
 
     def _front(self, number: int, state: Sequence[float]) -> tuple[float, float, float]:
