@@ -147,7 +147,7 @@ def test_lights_of_sumo_count_for_agents_where_the_file_has_none(crossing):
 
 
 def post_encroachment(run):
-    """Times between agent 900, which goes east, and vehicles that go straight north or south, in their shared square [s]."""
+    """Times between agent 900, which goes east, and those that go north or south, in their shared square [s]."""
     states, found = run.states, []
     agent = int(np.searchsorted(states.participant_id, 900))
     half = 0.5 * states.length, 0.5 * states.width
