@@ -50,7 +50,8 @@ def test_one_that_is_not_understood_leaves_the_defaults_and_a_note(crossing):
 def test_the_traffic_of_the_file_is_left_out_and_its_problems_stay(published):
     scenario = idr.read_source(published / "DEU_Cologne-63_5_I-1")
     assert (len(scenario.obstacles.ids), len(scenario.planning_problems)) == (0, 1)
-    assert "15 recorded vehicles are left out: SUMO drives its own" in scenario.notes
+    assert "SUMO drives the traffic, by DEU_Cologne-63_5_I-1.sumo.cfg" in scenario.notes
+    assert "15 recorded vehicles are left out" in scenario.notes
 
 
 def edited(folder, name, old, new):

@@ -82,9 +82,10 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
     scenario = read_roads(content, str(path / roads), path / roads)
     offset = _offset(net)
     _check_place(scenario, net, offset, path / named["net-file"][0])
+    notes.append(f"SUMO drives the traffic, by {config}")
     moving = int((~scenario.obstacles.is_static).sum())
     if moving:
-        notes.append(f"{moving} recorded vehicles are left out: SUMO drives its own")
+        notes.append(f"{moving} recorded vehicles are left out")
     sumo = SumoTraffic(
         config=config,
         files=tuple(data.items()),
