@@ -227,3 +227,12 @@ def test_constant_velocity_on_a_real_motorway_is_as_far_off_as_measured(real_rec
     assert rows["constant_velocity"].energy[5] == pytest.approx(4.62, abs=0.02)
     assert rows["idm"].energy[5] < 5.0
     assert rows["idm"].vehicles == 69
+
+
+def test_contacts_with_vehicles_that_overlap_in_the_recording_are_no_collisions():
+    cars = [Car(101, 0.0, 0.0, 12.0), Car(102, 40.0, 0.0, 0.0)]
+    scenario = world(straight_road(400.0), cars=cars, steps=60, dt=0.2)
+    for overlaps, expected in (((), 1), (((7, 102),), 0)):
+        window = windows_of([Recording("here", replace(scenario, overlaps=overlaps), ())], horizon=8.0, starts=[1.0])[0]
+        settings = planning_from(rollout_settings(None, "timed"), window)
+        assert rollouts.simulated(window, "recorded", settings, [0], [101]).collisions == expected
