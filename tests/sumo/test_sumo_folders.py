@@ -93,7 +93,7 @@ def moved_net(folder):
             lambda folder: edited(folder, "crossing.sumocfg", "<configuration>", "<!DOCTYPE a><configuration>"),
             "has a document type",
         ),
-        (lambda folder: edited(folder, "crossing.sumocfg", "</input>", ""), "crossing.sumocfg: line 5"),
+        (lambda folder: edited(folder, "crossing.sumocfg", "</input>", ""), "crossing.sumocfg: line 10"),
         (lambda folder: edited(folder, "crossing.rou.xml", "</routes>", ""), "crossing.rou.xml: line"),
         (
             lambda folder: edited(folder, "crossing.rou.xml", "</routes>", '<edgeData id="a" file="/tmp/a"/></routes>'),
