@@ -219,6 +219,38 @@ def test_the_command_says_what_it_found_and_its_interval(file, tmp_path):
     assert "0 failures kept, 0 of them avoidable; 0 of 4 uniform runs fail: 0.00 % (0.00 to 60.24)" in text
 
 
+def test_what_is_stated_of_the_traffic_is_not_drawn(file, tmp_path):
+    # Drawn, too, it would be given twice, and no world could be driven.
+    more = {"space": replace(BRAKING, driver=("time_gap",)), "traffic": "idm,time_gap=1.5"}
+    assert searched(file, tmp_path / "stated", 3, planner="idm", **more).uniform_runs == 3
+
+
+def test_a_search_that_drives_nothing_says_so(file, tmp_path):
+    # Nobody can have come from 1000 s away.
+    space = tmp_path / "far.toml"
+    space.write_text("start_time = [900.0, 1000.0]\nothers = 1\n")
+    arguments = (file, "--planner", "idm", "--agent", AGENT, "--runs", 1, "--space", space, "--out", tmp_path / "far")
+    code, text = invoked(*arguments)
+    assert code == 0
+    assert "0 of 0 uniform runs fail nothing was driven: no disturbed world was plausible" in text
+
+
+def test_the_command_in_a_failure_trusts_the_planner_that_is_code(done):
+    text = (done[0].failures[0].folder / "README.md").read_text()
+    assert "interdrive search replay . --trust" in text
+    assert "Python has to find drivers:Straight" in text
+
+
+@pytest.mark.parametrize("spoilt", [{"undisturbed": [1]}, {"planner": None}])
+def test_a_damaged_search_is_refused_in_one_line(done, tmp_path, spoilt):
+    shutil.copytree(done[1], tmp_path / "spoilt")
+    about = json.loads((tmp_path / "spoilt" / "search.json").read_text())
+    kept = {name: value for name, value in {**about, **spoilt}.items() if value is not None}
+    (tmp_path / "spoilt" / "search.json").write_text(json.dumps(kept))
+    code, text = invoked("compare", tmp_path / "spoilt")
+    assert (code, "is damaged" in text) == (2, True)
+
+
 def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path):
     searched(file, tmp_path / "two", workers=2)
     for name in ("evaluations.jsonl", "evaluations.parquet", "search.json"):
@@ -388,7 +420,9 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("start_time = [2.0, -2.0]", "start_time: the lower bound 2 is above the upper one -2"),
+        ("start_time = [2.0, -2.0]", "start_time: needs two finite bounds, the lower one first, not 2 and -2"),
+        ("start_time = [-inf, inf]", "start_time: needs two finite bounds, the lower one first, not -inf and inf"),
+        ("sight = [30.0, inf]", "sight: needs two finite bounds"),
         ("start_speed = [0.0, 1.0]", "start_speed: must be positive, is 0"),
         ('errors = ["sleeps"]', "errors: there is no error sleeps; there are brakes, drifts, inattentive, disobeys"),
         ("error_share = 2.0", "error_share: must be from 0 to 1, is 2"),

@@ -86,8 +86,8 @@ def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: i
                 **options,
             )
         except KeyboardInterrupt:
-            kept = f"interrupted; what was found is in {shown(out)}, and the same command goes on"
-            raise KeyboardInterrupt(kept) from None
+            kept = f"what was found is in {shown(out)}, and the same command goes on"
+            raise KeyboardInterrupt(f"interrupted; {kept if out.exists() else 'nothing was driven yet'}") from None
     print_found(found, out)
 
 

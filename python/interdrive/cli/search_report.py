@@ -38,10 +38,13 @@ def print_found(found: Found, out: Path) -> None:
     print_table(output(), table, names=1)
     share, low, high = (100.0 * value for value in found.rate)
     n_avoidable = sum(bool(one.witness) for one in found.failures)
+    rate = f": {share:.2f} % ({low:.2f} to {high:.2f})" if found.uniform_runs else ""
     say(
         f"{said_count(len(found.failures), 'failure')} kept, {n_avoidable} of them avoidable; "
-        f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail: {share:.2f} % ({low:.2f} to {high:.2f})"
+        f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail{rate}"
     )
+    if not found.uniform_runs:
+        say("nothing was driven: no disturbed world was plausible; widen the space, or choose other files")
     say(f"search in {shown(out.resolve())}")
 
 

@@ -177,7 +177,16 @@ def drive_of(scenario: Scenario, agent_id: int, planner: str, traffic: str, pred
 def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
     """The same drive with what is disturbed of the others' planners and of the agent's sight."""
     others = {
-        number: ",".join([name, *(f"{key}={value!r}" for key, value in change.drivers.get(number, {}).items())])
+        number: ",".join(
+            [
+                name,
+                *(
+                    f"{key}={value!r}"
+                    for key, value in change.drivers.get(number, {}).items()
+                    if f",{key}=" not in name
+                ),
+            ]
+        )
         for number, name in drive.others.items()
     }
     found = replace(drive, others=others, sight=change.sight, occluded=change.occluded)

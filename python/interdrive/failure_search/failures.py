@@ -268,6 +268,17 @@ def _toml(planner: str) -> list[str]:
     return entries
 
 
+def trust_option(found: Failure) -> str:
+    """The option with which a command imports the planners that are code."""
+    return " --trust" if modules_named(found.drive.planners, found.drive.predictor) else ""
+
+
+def _where(found: Failure) -> str:
+    """What has to be importable there."""
+    named = modules_named(found.drive.planners, found.drive.predictor)
+    return f" (Python has to find {', '.join(named)}: set PYTHONPATH)" if named else ""
+
+
 def _words(found: Failure) -> str:
     avoided = (
         f"`{found.witness}` in its place does not fail." if found.witness else "None of the tried drivers avoids it."
@@ -280,9 +291,9 @@ Different from the recording: {found.disturbance}.
 
 {avoided}
 
-In this folder:
+In this folder{_where(found)}:
 
-    interdrive search replay .                       # exit code 0 if the digest is {found.digest[:12]}...
+    interdrive search replay .{trust_option(found)}        # exit code 0 if the digest is {found.digest[:12]}...
     interdrive run --config run.toml --out again
     interdrive report run
 """

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.failure_search.allocation import SOURCES
+from interdrive.failure_search.failures import trust_option
 from interdrive.failure_search.rates import YIELD_HEAD, said_rate
 from interdrive.failure_search.summary import Summary
 from interdrive.plots import save_figure
@@ -180,7 +181,7 @@ def _failure(found: Summary, place: int, links: Sequence[tuple[str, Path]], star
     pages = ", ".join(f'<a href="{path(page)}">{name}</a>' for name, page in links)
     film = one.folder / "failure.gif"
     shown = f'<img class="film" loading="lazy" alt="Film of the failure" src="{path(film)}">' if film.exists() else ""
-    command = f"interdrive search replay {path(one.folder)}"
+    command = f"interdrive search replay {path(one.folder)}{trust_option(one)}"
     return (
         f"<h3>{html.escape(one.folder.name)}: agent {one.drive.agent_id}, {html.escape(one.failure)}</h3>"
         f"<p>{html.escape(one.words)}; {avoided}.<br>Different from the recording: {html.escape(one.disturbance)}.<br>"

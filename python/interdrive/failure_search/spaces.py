@@ -84,8 +84,8 @@ class Space:
             "error_time": self.error_time,
         }
         for name, (low, high) in bounds.items():
-            if not low <= high:
-                raise InputError(name, f"the lower bound {low:g} is above the upper one {high:g}")
+            if not -math.inf < low <= high < math.inf:
+                raise InputError(name, f"needs two finite bounds, the lower one first, not {low:g} and {high:g}")
             if name not in ("start_time", "error_time") and not low > 0.0:
                 raise InputError(name, f"must be positive, is {low:g}")
         if not self.error_time[0] >= 0.0:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from interdrive.errors import ResultsError
 from interdrive.failure_search.failures import Failure, failures
 from interdrive.failure_search.rates import Yield, said_rate, yields
 from interdrive.failure_search.search_folder import described, logged
@@ -49,9 +50,11 @@ class Summary:
             ResultsError: The folder holds no search, or it is damaged.
         """
         about, rows = described(folder), logged(folder)
-        failing = tuple(f"{scenario} {agent}" for scenario, agent, how in about["undisturbed"] if how and how[0] != "!")
-        kept = tuple(failures(folder))
-        return cls(Path(folder), str(about["planner"]), rows, kept, yields(rows), failing)
+        try:
+            failing = tuple(f"{name} {agent}" for name, agent, how in about["undisturbed"] if how and how[0] != "!")
+            return cls(Path(folder), str(about["planner"]), rows, tuple(failures(folder)), yields(rows), failing)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultsError(f"{folder}: the search is damaged ({error!r}); search anew in another folder") from error
 
     @property
     def kinds(self) -> Counter[str]:
