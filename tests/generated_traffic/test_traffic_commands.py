@@ -63,6 +63,14 @@ def test_traffic_writes_a_scenario_that_can_be_run():
             "traffic.warm_up: 60 s leave nothing of traffic.duration (60 s)",
         ),
         (["run", "t_junction", "--traffic", "planner=idm"], "traffic: there is none"),
+        (
+            ["run", "t_junction", "--traffic", "idm,rate=60", "--set", "traffic.planner=pdm"],
+            "--traffic idm,rate=60: planner is given by --set traffic.planner, too; leave one out",
+        ),
+        (
+            ["run", "t_junction", "--traffic", "rate=60", "--set", "traffic.rate=70"],
+            "rate is given by --set traffic.rate, too",
+        ),
         (["run", "t_junction", "--traffic", "policy,rate=60"], "traffic.planner: policy has no file"),
         (["run", "t_junction", "--traffic", "idm:x+idm_mobil,rate=60"], "traffic.planner: 'x' is no share of idm"),
         (["run", "t_junction", "--traffic", "idm:0+pdm:0,rate=60"], "traffic.planner: the shares of idm:0+pdm:0"),

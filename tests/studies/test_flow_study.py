@@ -48,6 +48,14 @@ def test_flow_is_density_times_speed_and_falls_short_of_the_limit_when_dense(stu
     assert dense["speed"] == pytest.approx(11.6, abs=1.0)
 
 
+def test_a_planner_with_settings_is_a_row_of_its_own():
+    options = {"densities": (50.0,), "lanes": (1,), "duration": 12.0, "warm_up": 8.0, "threads": 1}
+    found = flow_study(["idm,time_gap=0.8", "idm,time_gap=2.0"], settings=SimulationSettings(), **options)
+    close, far = found.table.to_pylist()
+    assert (close["planner"], far["planner"]) == ("idm,time_gap=0.8", "idm,time_gap=2.0")
+    assert close["speed"] > far["speed"] + 1.0, "m/s: at one density those who keep closer drive faster"
+
+
 def test_capacity_is_the_largest_flow(study):
     first, second = capacities(study)
     assert (first.planner, second.planner) == ("idm", "idm_mobil")

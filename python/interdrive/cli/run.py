@@ -243,8 +243,21 @@ def _configured(
         raise error.within(str(config)) from None
     if choices.v2x is not None:
         values_given = {"v2x.penetration": str(choices.v2x), **values_given}
+    _refuse_twice(choices.traffic, values_given)
     settings = bind(with_traffic(settings, choices.traffic), values_given)
     return choices, own | choices_by_agent(by_agent), settings
+
+
+def _refuse_twice(traffic: str | None, values_given: Mapping[str, str]) -> None:
+    """Refuses settings of generated traffic that both --traffic and --set give."""
+    from interdrive.config.plugins import read_choice  # noqa: PLC0415
+
+    if traffic is None:
+        return
+    choice = read_choice(traffic, "traffic")
+    for name in (*(("planner",) if choice.chosen is not None else ()), *choice.settings):
+        if f"traffic.{name}" in values_given:
+            raise InputError(f"--traffic {traffic}: {name} is given by --set traffic.{name}, too; leave one out")
 
 
 def _planners(planner: str, own: dict[int, Choice]) -> PlannersSpec:

@@ -168,6 +168,7 @@ def _flow(
     quick: bool,
     quiet: bool,
 ) -> int:
+    from interdrive.batches import labels_of  # noqa: PLC0415
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
     from interdrive.cli.traffic_report import print_capacities  # noqa: PLC0415
     from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
@@ -180,7 +181,7 @@ def _flow(
     if any(not 1.0 <= density <= 180.0 for density in wanted):
         raise InputError(f"--density {densities}: write vehicles per km from 1 to 180, such as 10,30,60")
     settings = bind(SimulationSettings(), assigned(assignments))
-    names = [name.strip() for name in (planner or DEFAULT_PLANNER).split(",")]
+    names = labels_of([planner or DEFAULT_PLANNER], "planner")
     with (
         claimed_folder(target.out, "study_flow", FLOW_FOLDER, overwrite=target.overwrite) as folder,
         progress(quiet=quiet) as report,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.config.binding import bind, flatten
+from interdrive.config.plugins import read_choice
 from interdrive.errors import InputError
 from interdrive.scenario import STATE_FIELDS, Lanelets, Obstacles, Scenario
 from interdrive.simulation import simulate
@@ -120,14 +121,15 @@ def flow_study(
     rows: list[dict[str, Any]] = []
     own = bind(settings, {**_OWN, "traffic.duration": duration, "traffic.warm_up": warm_up})
     for planner, n, density in asked:
+        name, given = _separated(planner)
         speed = equilibrium_speed(max(0.0, 1000.0 / density - _CAR), _LIMIT, _GAP)
         length = max(_LENGTH_MIN, speed * duration + _SPARE)
         run = simulate(
             ring_road(length, n),
             agents=0,
             predictor=predictor,
-            settings=own,
-            traffic={"planner": planner, "density": density},
+            settings=bind(own, {f"planner.{name}.{key}": value for key, value in given.items()}),
+            traffic={"planner": name, "density": density},
             seed=seed,
             threads=threads,
         )
@@ -137,6 +139,12 @@ def flow_study(
     table = arrow_table(COLUMNS, {column.name: [row[column.name] for row in rows] for column in COLUMNS})
     used = {name: value for name, value in flatten(own).items() if name not in ("traffic.planner", "traffic.density")}
     return FlowStudy(table, tuple(planners), predictor, duration, warm_up, used, seed)
+
+
+def _separated(planner: str) -> tuple[str, dict[str, Any]]:
+    """Name and settings of a planner; a mix has neither settings nor one name."""
+    choice = read_choice(planner, "planner")
+    return str(choice.chosen), dict(choice.settings)
 
 
 def _check(planners: Sequence[str], densities: Sequence[float], settings: SimulationSettings) -> None:
