@@ -156,7 +156,8 @@ def run(
         ) as folder,
         progress(quiet=quiet) as report,
     ):
-        report.say(f"reading {choices.scenario}")
+        also = " and making its traffic" if settings.traffic.is_on else ""
+        report.say(f"reading {choices.scenario}{also}")
         simulation = Simulation(
             choices.scenario,
             agents=choices.agents,
