@@ -131,7 +131,7 @@ def test_a_run_folder_holds_the_files_that_the_reference_lists(console):
     described = {name for names, _ in rows for name in re.findall(r"`([\w.]+)`", names)}
     found = {path.name for run in ("t_junction", "views") for path in (folder / "out" / run).iterdir()}
     tables = ("predictions", "candidates", "messages", "agreements", "hits", "profile")
-    tables += ("preventability", "preventability_drives", "demand")
+    tables += ("preventability", "preventability_drives", "demand", "sumo")
     on_demand = {f"{table}.parquet" for table in tables}
     assert described - on_demand - {"run.mp4"} == found
 
