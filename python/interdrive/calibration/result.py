@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.calibration.variables import Range
-    from interdrive.calibration.verdicts import Verdict
+    from interdrive.calibration.verdicts import PlaceVerdict
     from interdrive.config.drivers import Drivers
     from interdrive.run import Json
     from interdrive.traffic_realism import Realism
@@ -46,7 +46,7 @@ class Calibration:
     parts: Mapping[str, float]
     evaluations: Mapping[str, int]
     file: Path
-    verdicts: Mapping[str, Verdict]
+    verdicts: Mapping[str, PlaceVerdict]
     realism: Realism | None = field(repr=False)
     notes: tuple[str, ...] = ()
     provenance: Mapping[str, Json] = field(default_factory=dict, repr=False)

@@ -22,7 +22,7 @@ PERSISTENCE_VEHICLES_MIN = 20
 
 
 @dataclass(frozen=True)
-class Verdict:
+class PlaceVerdict:
     """What is said of a population at a place.
 
     Attributes:
@@ -40,7 +40,7 @@ class Verdict:
         return said + (f": {'; '.join(self.reasons)}" if self.reasons else "")
 
 
-def verdict(place: str, found: Realism | None, planner: str, fitted: Sequence[str]) -> Verdict:
+def verdict(place: str, found: Realism | None, planner: str, fitted: Sequence[str]) -> PlaceVerdict:
     """Judges a population at a place.
 
     Args:
@@ -50,24 +50,24 @@ def verdict(place: str, found: Realism | None, planner: str, fitted: Sequence[st
         fitted: Places that the population was fitted on.
     """
     if place in fitted:
-        return Verdict(place, None, ("the population was fitted on this place",))
+        return PlaceVerdict(place, None, ("the population was fitted on this place",))
     rows = {row.planner: row for row in found.rows if row.place == place} if found is not None else {}
     if planner not in rows:
-        return Verdict(place, None, ("no vehicle was measured there",))
+        return PlaceVerdict(place, None, ("no vehicle was measured there",))
     row = rows[planner]
     if not row.is_claim:
-        return Verdict(place, None, (f"{row.windows} windows and {row.vehicles} vehicles are too few",))
+        return PlaceVerdict(place, None, (f"{row.windows} windows and {row.vehicles} vehicles are too few",))
     analog = rows.get("analog")
     asked = _asked(row, math.nan if analog is None else analog.energy[5])
     unknown = tuple(f"{name} is not known" for name, value, bound, _ in asked if math.isnan(value + bound))
     if unknown:
-        return Verdict(place, None, unknown)
+        return PlaceVerdict(place, None, unknown)
     reasons = tuple(
         f"{name} {value:.2f}, {'at most' if sign > 0 else 'at least'} {bound:.2f} is asked for"
         for name, value, bound, sign in asked
         if sign * value > sign * bound
     )
-    return Verdict(place, not reasons, reasons)
+    return PlaceVerdict(place, not reasons, reasons)
 
 
 def _asked(row: Row, analog: float) -> list[tuple[str, float, float, float]]:
