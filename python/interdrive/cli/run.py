@@ -156,8 +156,7 @@ def run(
         ) as folder,
         progress(quiet=quiet) as report,
     ):
-        also = " and making its traffic" if settings.traffic.is_on else ""
-        report.say(f"reading {choices.scenario}{also}")
+        report.say(f"reading {choices.scenario}" + " and making its traffic" * settings.traffic.is_on)
         simulation = Simulation(
             choices.scenario,
             agents=choices.agents,
