@@ -94,7 +94,7 @@ def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -
 
 
 def overhead(runs: int) -> str:
-    """Time of a search beside the time of its runs by `simulate`, on one process."""
+    """Time of a search beside the time of driving its worlds until the agent ends, on one process."""
     from interdrive.failure_search.disturbed_worlds import disturbed
     from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
     from interdrive.failure_search.spaces import Space

@@ -337,7 +337,7 @@ def test_who_is_in_the_way_of_an_agent_that_enters_leaves_for_good(crossing):
     add(crossing, '<person id="p" depart="0"><walk edges="center_east" departPos="80"/></person>')
     first = Simulation(crossing, threads=1)
     first.step()
-    x, y, *_ = first._sumo._there["person", "p"].state
+    x, y, *_ = first._sumo._there["person", "p"]
     scenario = idr.read_source(crossing)
     problem = scenario.planning_problems[0]
     start = replace(problem.initial_state, x=x, y=y, velocity=0.0)

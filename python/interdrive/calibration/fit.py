@@ -48,7 +48,7 @@ _PRIOR_WEIGHT = 0.002
 _VEHICLES_MIN = 10
 #: Short windows [s].
 _HORIZON = 8.0
-#: Who calls it while it works: what it does, the amount done, and the total.
+#: The population that a calibration writes.
 _FILE = "drivers.toml"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,9 +22,11 @@ if TYPE_CHECKING:
 #: What `_core.World.advance` takes: new participants, ids, states of shape (ids, 6), ids of those that jumped.
 Outside = tuple[list[tuple[int, int, float, float]], list[int], "Floats", list[int]]
 
+#: Centre [m], heading [rad], speed [m/s], acceleration [m/s²] and yaw rate [rad/s] of a participant.
+_State = tuple[float, float, float, float, float, float]
 #: Domain and name of a participant of SUMO.
 _Name = tuple[str, str]
-#: Names of agents within SUMO begin with this, and those of nobody else.
+#: Names of agents within SUMO begin with this; no other name does.
 _PREFIX = "interdrive_agent_"
 #: Kinds by SUMO's classes of vehicles.
 KIND_OF_CLASS = {
@@ -54,14 +55,6 @@ class _Known(NamedTuple):
     kind: str
     length: float
     width: float
-
-
-@dataclass
-class _There:
-    """Where it is now: centre, heading, speed, acceleration, yaw rate; and its front as SUMO has it."""
-
-    state: tuple[float, float, float, float, float, float]
-    front: tuple[float, float]
 
 
 class Traffic:
@@ -99,7 +92,7 @@ class Traffic:
         self._near: set[_Name] = set()
         self._begin = 0
         self._kinds: dict[_Name, _Known] = {}
-        self._there: dict[_Name, _There] = {}
+        self._there: dict[_Name, _State] = {}
         self._numbers: dict[_Name, int] = {}
         self._leaving: set[_Name] = set()
         self._gone: set[_Name] = set()
@@ -167,7 +160,7 @@ class Traffic:
 
     def notes(self) -> list[str]:
         """What users should know of it, one line each."""
-        found = [f"traffic by {_name(self.version)}, seed {self._sumo.seed} and that of the run"]
+        found = [f"traffic by SUMO {self.version}, seed {self._sumo.seed} and that of the run"]
         if self.jumps:
             found.append(
                 f"SUMO's vehicles jumped {self.jumps} times by more than their speed allows: contacts on the way of a "
@@ -206,13 +199,13 @@ class Traffic:
             turned = heading + (math.atan2(across, speed) if speed > _HEADING_SPEED else 0.0)
             turned = math.remainder(turned, math.tau)
             known = before.get(name)
-            turning = 0.0 if known is None else math.remainder(turned - known.state[2], math.tau) / self._dt
+            turning = 0.0 if known is None else math.remainder(turned - known[2], math.tau) / self._dt
             center = x - half * math.cos(heading) - dx, y - half * math.sin(heading) - dy
-            self._there[name] = _There((*center, turned, speed, acceleration, turning), (x, y))
+            self._there[name] = (*center, turned, speed, acceleration, turning)
 
-    def _jumps(self, before: _There, now: _There) -> bool:
-        way = math.dist(before.state[:2], now.state[:2])
-        return way > max(before.state[3], now.state[3]) * self._dt + _JUMP
+    def _jumps(self, before: _State, now: _State) -> bool:
+        way = math.dist(before[:2], now[:2])
+        return way > max(before[3], now[3]) * self._dt + _JUMP
 
     def _outside(self, places: list[tuple[float, ...]], jumped: list[_Name]) -> Outside:
         """Those near agents, as the core takes them."""
@@ -226,7 +219,7 @@ class Traffic:
         near.sort(key=self._numbers.__getitem__)
         moved = [self._numbers[name] for name in jumped if name in self._near and name not in new]
         self.jumps += len(moved)
-        states = np.array([self._there[name].state for name in near], dtype=np.float64).reshape(len(near), 6)
+        states = np.array([self._there[name] for name in near], dtype=np.float64).reshape(len(near), 6)
         return [self._newcomer(name) for name in new], [self._numbers[name] for name in near], states, moved
 
     def _newcomer(self, name: _Name) -> tuple[int, int, float, float]:
@@ -236,20 +229,20 @@ class Traffic:
     def _is_near(self, name: _Name, places: list[tuple[float, ...]]) -> bool:
         if math.isinf(self._radius):
             return True
-        x, y = self._there[name].state[:2]
+        x, y = self._there[name][:2]
         reach = self._radius + (_HYSTERESIS if name in self._near else 0.0)
         return any(math.hypot(x - place[0], y - place[1]) <= reach for place in places)
 
     def _clear(self, agent: Agent, pose: tuple[float, ...]) -> None:
-        """Removes who is in the way of an agent that enters."""
+        """Removes participants in the way of an agent that enters."""
         own = _core.Shape.rectangle(*_size(agent))
         for name, one in sorted(self._there.items()):
             kind = self._kinds[name]
             reach = 0.5 * (math.hypot(*_size(agent)) + math.hypot(kind.length, kind.width)) + _CLEAR
-            if math.dist(pose[:2], one.state[:2]) > reach:
+            if math.dist(pose[:2], one[:2]) > reach:
                 continue
             body = _core.Shape.rectangle(kind.length, kind.width)
-            if own.distance((pose[0], pose[1], pose[2]), body, one.state[:3]) < _CLEAR:
+            if own.distance((pose[0], pose[1], pose[2]), body, one[:3]) < _CLEAR:
                 self._leaving.add(name)
                 self.cleared.append(name[1])
                 del self._there[name]
@@ -269,7 +262,3 @@ def _pose(agent: Agent) -> tuple[float, float, float]:
 
 def _size(agent: Agent) -> tuple[float, float]:
     return agent.vehicle.length, agent.vehicle.width
-
-
-def _name(version: str) -> str:
-    return f"SUMO {version}"

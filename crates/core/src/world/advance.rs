@@ -39,7 +39,7 @@ impl World {
     ///
     /// # Errors
     /// As [`World::step`]; `InvalidInput` for states that are not numbers, or for new ids that do not ascend from the
-    /// largest one; `UnknownId` for a state of somebody who was never new. The world is as it was then.
+    /// largest one; `UnknownId` for the state of a participant that was never listed as new. The world stays as it was.
     pub fn step_among(&mut self, plans: &Plans, outside: &Outside, mut mark: impl FnMut()) -> Result<()> {
         self.check_time_step("plans", plans.time_step)?;
         self.check_outside(outside)?;

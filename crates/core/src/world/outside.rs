@@ -1,5 +1,5 @@
-//! Participants that something outside the simulation drives, such as a traffic simulator: it states at every step who is
-//! there and how, and all move at once.
+//! Participants that something outside the simulation drives, such as a traffic simulator: it states at every step which
+//! participants are there and how they move.
 
 use std::sync::Arc;
 
@@ -86,7 +86,7 @@ impl World {
 
     /// Adds rows for the new ones; earlier rows stay.
     pub(super) fn append_outside(&mut self, outside: &Outside) {
-        // Nobody knows whether the others will move.
+        // From now on, what stands may be moved from outside at any time.
         self.recording_end = i64::MAX;
         if outside.new.is_empty() {
             return;
@@ -107,7 +107,7 @@ impl World {
         self.recording.append_ids(outside.new.iter().map(|new| new.0));
     }
 
-    /// Rows and states of those that are there; who was sent away after a contact is not.
+    /// Rows and states of the participants that are there, without those sent away after a contact.
     pub(super) fn outside_rows(&self, outside: &Outside) -> Vec<(usize, State)> {
         let row_of = |(id, state): &(i64, State)| {
             let row = self.participants.ids.binary_search(id).ok()?;
