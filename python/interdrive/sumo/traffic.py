@@ -189,7 +189,8 @@ class Traffic:
         for domain, label, kind, length, width in answer["new"]:
             self._kinds[domain, label] = _Known(KIND_OF_CLASS.get(kind, "unknown"), max(length, 0.1), max(width, 0.1))
         before, self._there = self._there, {}
-        for domain, label, x, y, angle, across, speed, acceleration in answer["there"]:
+        numbers = np.frombuffer(bytes.fromhex(answer["numbers"])).reshape(-1, 6).tolist()
+        for (domain, label), (x, y, angle, across, speed, acceleration) in zip(answer["there"], numbers, strict=True):
             name = domain, label
             if name in self._gone:
                 continue
