@@ -80,6 +80,7 @@ class Simulation:
         seed: int = 0,
         threads: int | None = None,
         on_planner_error: Literal["end_agent", "raise"] = "end_agent",
+        planner_processes: bool = True,
     ) -> None:
         """Prepares agents, routes and the world.
 
@@ -101,6 +102,8 @@ class Simulation:
             threads: Number of planning threads; None: the number of cores. Results do not depend on it.
             on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
                 "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
+            planner_processes: Planners in Python whose class has `parallel = True` get processes of their own; False:
+                they stay in this process, which starts sooner. Results do not depend on it.
 
         Raises:
             InputError: The input cannot be used; one line states why.
@@ -109,6 +112,7 @@ class Simulation:
         if on_planner_error not in ("end_agent", "raise"):
             raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
         self._raises = on_planner_error == "raise"
+        self._planner_processes = planner_processes
         if not 0 <= seed < 2**64:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
         config = run_config(with_traffic(settings_of(settings), traffic), planner)
@@ -309,7 +313,7 @@ class Simulation:
     def _start_workers(self) -> None:
         """Moves planners in Python that allow it to separate processes."""
         willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
-        if self._raises or not willing:
+        if self._raises or not willing or not self._planner_processes:
             return
         if self._sumo is not None:
             self._planner_notes.append("planners in Python run in this process: SUMO drives traffic")

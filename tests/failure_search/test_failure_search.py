@@ -20,13 +20,14 @@ from click.testing import CliRunner
 import interdrive as idr
 from interdrive import InputError, ResultsError
 from interdrive.cli import main
-from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, replay
+from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, keeping, replay
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
+from interdrive.failure_search.trials import Drivers, Setup, Trial
 from interdrive.testing import Car, straight_road, world
 
 AGENT, LEADER = 101, 102
@@ -372,6 +373,33 @@ def test_shrinking_leaves_only_what_is_needed():
     small = shrunk(point, neutral, lambda other: other[0] >= 0.7)
     assert small[1:].tolist() == [0.5, 0.5, 0.5]
     assert 0.7 <= small[0] < 0.73
+
+
+def test_shrinking_takes_back_what_chooses_among_kinds_but_makes_nothing_of_it_smaller():
+    tried = []
+
+    def still_fails(point):
+        tried.append(point.tolist())
+        return point[0] == 0.1
+
+    small = shrunk(np.array([0.1, 0.2]), np.array([1.0, 0.5]), still_fails, (True, False))
+    assert small.tolist() == [0.1, 0.5]
+    assert tried == [[1.0, 0.2], [0.1, 0.5]]
+
+
+def test_disturbances_that_mean_the_same_are_driven_once(file, monkeypatch):
+    (pair,) = [one for one in pairs(scenario(), str(file), 1) if one.agent_id == AGENT]
+    space = replace(BRAKING, errors=("inattentive",), error_share=1.0)
+    setup = Setup(Drivers(BLIND, "idm", "constant_velocity"), space, 0)
+    driven = []
+    monkeypatch.setattr(keeping, "avoided_by", lambda *_: "")
+    monkeypatch.setattr(keeping, "judged_in", lambda *world: driven.append(world))
+    at = {**dict.fromkeys(space.coordinates, 0.7), "sight": 1.0}
+    point, is_small = keeping._smallest(Trial(setup, pair, None, tuple(at.values()), "alike"))
+    # Only that it is inattentive means something; when, how much, and who of one vehicle do not.
+    assert len(driven) == 1
+    assert is_small
+    assert dict(zip(space.coordinates, point, strict=True))["error"] == 0.7
 
 
 @pytest.mark.parametrize(

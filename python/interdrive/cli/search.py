@@ -57,6 +57,16 @@ def search() -> None:
     default="levels",
     help="Drive what is near a failure more often, or all alike (levels).",
 )
+@click.option(
+    "--keep",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=3,
+    help="Failures of one kind that are made small and kept (3).",
+)
+@click.option(
+    "--shrink/--no-shrink", default=True, help="Make failures small (yes); without, the same command does it later."
+)
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (one per core).")
 @click.option("--run-timeout", metavar="S", type=float, default=math.inf, help="A run may take this long (for ever).")
 @click.option("--ray", metavar="[ADDRESS]", is_flag=False, flag_value="auto", help="Use a Ray cluster (auto).")

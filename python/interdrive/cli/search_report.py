@@ -10,6 +10,7 @@ from interdrive.cli.arguments import shown
 from interdrive.cli.report import NOTES_MAX, output, print_table, table_of
 from interdrive.cli.terminal import say
 from interdrive.failure_search import HEAD
+from interdrive.failure_search.failures import UNSHRUNK
 from interdrive.failure_search.rates import YIELD_HEAD
 from interdrive.run.reasons import said_count
 
@@ -31,7 +32,7 @@ def print_found(found: Found, out: Path) -> None:
     for one in found.failures:
         avoided = f"{one.witness} avoids it" if one.witness else "unproven: none of the tried drivers avoids it"
         say(f"{one.folder.name}: agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
-        say(f"     {one.disturbance}")
+        say(f"     {one.disturbance}" + ("" if one.is_small else UNSHRUNK))
     table = table_of(YIELD_HEAD, right=YIELD_HEAD[1:])
     for part in found.yields:
         table.add_row(*part.cells())
@@ -43,6 +44,8 @@ def print_found(found: Found, out: Path) -> None:
         f"{said_count(len(found.failures), 'failure')} kept, {n_avoidable} of them avoidable; "
         f"{found.uniform_failures} of {found.uniform_runs} uniform runs fail{rate}"
     )
+    if found.lost_runs:
+        say(f"{said_count(found.lost_runs, 'run')} lost, which may fail or not: the interval allows for both")
     if not found.uniform_runs:
         say("nothing was driven: no disturbed world was plausible; widen the space, or choose other files")
     say(f"search in {shown(out.resolve())}")

@@ -85,6 +85,7 @@ class Drive:
             planner=self.planners,
             predictor=self.predictor,
             threads=1,
+            planner_processes=False,
         )
 
     def run(self, scenario: Scenario) -> Run:

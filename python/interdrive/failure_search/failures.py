@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _FILE, _START = "failure.json", "start.xml"
 #: Frames per second of films.
 _FILM_RATE = 5.0
+#: What is said of a failure whose disturbance may be larger than it has to be.
+UNSHRUNK = " (not made as small as it can be: the search ended before, or the process was lost)"
 _TEXTS = ("failure", "words", "disturbance", "witness", "digest", "signature", "version")
 
 
@@ -44,6 +46,7 @@ class Failure:
         digest: Of the run.
         signature: Failures with the same one are alike.
         version: Of interdrive.
+        is_small: Its disturbance was made as small as it can be; otherwise the search ended, or was lost, before.
     """
 
     folder: Path
@@ -55,6 +58,7 @@ class Failure:
     digest: str
     signature: str
     version: str
+    is_small: bool = True
 
     @property
     def scenario_path(self) -> Path:
@@ -126,6 +130,7 @@ def read_failure(folder: str | Path) -> Failure:
         stored = read_json(path)
         drive = stored["drive"]
         texts = {name: str(stored[name]) for name in _TEXTS}
+        is_small = bool(stored.get("is_small", True))
         others = {int(number): str(planner) for number, planner in drive["others"].items()}
         made = Drive(
             tuple(int(number) for number in drive["agents"]),
@@ -140,7 +145,7 @@ def read_failure(folder: str | Path) -> Failure:
         raise ResultsError(f"{folder}: not the folder of a failure: there is no {_FILE}") from None
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as cause:
         raise ResultsError(f"{path}: damaged ({cause!r})") from None
-    return Failure(Path(folder), made, **texts)
+    return Failure(Path(folder), made, **texts, is_small=is_small)
 
 
 def begin(folder: Path, scenario: Scenario) -> Scenario:
@@ -148,8 +153,6 @@ def begin(folder: Path, scenario: Scenario) -> Scenario:
 
     What the file of the recording did not state (yaw rates, for instance) is derived again.
     """
-    if folder.exists():
-        shutil.rmtree(folder)
     folder.mkdir(parents=True)
     (folder / _START).write_bytes(scenario_document(scenario))
     return _read(folder / _START)
@@ -173,14 +176,9 @@ def finish(found: Failure, run: Run, avoided: Run | None) -> None:
     (folder / "run.toml").write_text(_configuration(found.drive), encoding="utf-8")
     (folder / "README.md").write_text(_words(found), encoding="utf-8")
     drive = {**vars(found.drive), "others": {str(key): value for key, value in found.drive.others.items()}}
-    content = {"drive": drive, **{name: getattr(found, name) for name in _TEXTS}}
+    content = {"drive": drive, **{name: getattr(found, name) for name in _TEXTS}, "is_small": found.is_small}
     with replacing(folder / _FILE) as part:
         part.write_text(json_text(content, indent=2) + "\n", encoding="utf-8")
-
-
-def give_up(folder: Path) -> None:
-    """Removes the folder of what turned out to be no failure."""
-    shutil.rmtree(folder)
 
 
 def replay(failure: Failure | str | Path, *, trust: bool = False) -> tuple[Run, bool]:
@@ -287,7 +285,7 @@ def _words(found: Failure) -> str:
 
 {found.words}.
 
-Different from the recording: {found.disturbance}.
+Different from the recording: {found.disturbance}{UNSHRUNK if not found.is_small else ""}.
 
 {avoided}
 

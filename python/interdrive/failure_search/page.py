@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.failure_search.allocation import SOURCES
-from interdrive.failure_search.failures import trust_option
-from interdrive.failure_search.rates import YIELD_HEAD, said_rate
+from interdrive.failure_search.failures import UNSHRUNK, trust_option
+from interdrive.failure_search.rates import YIELD_HEAD, is_lost, said_rate
 from interdrive.failure_search.summary import Summary
 from interdrive.plots import save_figure
 from interdrive.plots.style import AGENTS, FONT, INK, MM, PAGE, RECORDED, add_legend, empty_figure, plain
@@ -133,10 +133,12 @@ def _page(found: Summary, figure: Figure, links: Sequence[Sequence[tuple[str, Pa
     share, within = said_rate(found.yields[0].rate)
     rate = f"{share} % ({within})" if share else "an unknown share"
     failing = f" Without any disturbance fail {', '.join(found.undisturbed)}." if found.undisturbed else ""
+    n_lost = sum(is_lost(row) for row in found.rows)
+    lost = f" {said_count(n_lost, 'run')} lost, which may fail or not: the interval allows for both." if n_lost else ""
     about = (
         f"{len(found.rows)} runs; {said_count(len(found.failures), 'failure')} kept, "
         f"{sum(bool(one.witness) for one in found.failures)} of them avoidable. Of the uniform runs {rate} fail, with "
-        f"the 95 % interval of Clopper and Pearson.{html.escape(failing)}"
+        f"the 95 % interval of Clopper and Pearson.{lost}{html.escape(failing)}"
     )
     body = [
         f"<h1>{html.escape(title)}</h1>",
@@ -181,9 +183,11 @@ def _failure(found: Summary, place: int, links: Sequence[tuple[str, Path]], star
     pages = ", ".join(f'<a href="{path(page)}">{name}</a>' for name, page in links)
     film = one.folder / "failure.gif"
     shown = f'<img class="film" loading="lazy" alt="Film of the failure" src="{path(film)}">' if film.exists() else ""
+    unshrunk = "" if one.is_small else UNSHRUNK
     command = f"interdrive search replay {path(one.folder)}{trust_option(one)}"
     return (
         f"<h3>{html.escape(one.folder.name)}: agent {one.drive.agent_id}, {html.escape(one.failure)}</h3>"
-        f"<p>{html.escape(one.words)}; {avoided}.<br>Different from the recording: {html.escape(one.disturbance)}.<br>"
+        f"<p>{html.escape(one.words)}; {avoided}.<br>"
+        f"Different from the recording: {html.escape(one.disturbance)}{unshrunk}.<br>"
         f"Pages: {pages}. <code>{command}</code></p>{shown}"
     )

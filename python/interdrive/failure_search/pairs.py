@@ -53,6 +53,17 @@ def paths_of(given: str | Path | Sequence[str | Path]) -> list[Path]:
     return [path.absolute() for path in found]
 
 
+def _once(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """The paths without those of a file that came before, and a word about each of these."""
+    seen: dict[Path, Path] = {}
+    again = [
+        f"{path.stem}: is given twice, and counts once"
+        for path in paths
+        if seen.setdefault(path.resolve(), path) is not path
+    ]
+    return list(seen.values()), again
+
+
 def pairs_of(
     paths: Sequence[Path], n_others: int, agent_id: int | None
 ) -> tuple[list[Pair], list[list[str]], list[str]]:
@@ -61,13 +72,19 @@ def pairs_of(
     Raises:
         InputError: There is no pair.
     """
-    found, files, left_out = [], [], []
+    found, files = [], []
+    paths, left_out = _once(paths)
+    by_content: dict[str, str] = {}
     for path in paths:
         try:
             scenario = scenario_at(str(path))
         except InputError as error:
             left_out.append(str(error))
             continue
+        if scenario.sha256 in by_content:
+            left_out.append(f"{scenario.name}: is the same as {by_content[scenario.sha256]}, and counts once")
+            continue
+        by_content[scenario.sha256] = scenario.name
         _, _, roads = road_elements(scenario)
         if not set(roads).isdisjoint(scenario.obstacles.ids.tolist()):
             left_out.append(f"{scenario.name}: {_SAME_IDS}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,10 @@ if TYPE_CHECKING:
 
 _TAIL = 0.025
 #: Headings of `Yield.cells`.
-YIELD_HEAD = ("runs", "driven", "fail", "different", "rate [%]", "95 %", "times uniform", "95 % of it")
+YIELD_HEAD = (
+    *("runs", "driven", "lost", "fail", "rate [%]", "95 %", "times uniform", "95 % of it"),
+    *("different", "at equal runs", "uniform then"),
+)
 
 
 @dataclass(frozen=True)
@@ -23,29 +27,36 @@ class Yield:
     Attributes:
         source: One of `interdrive.failure_search.SOURCES`, or "directed": all but the uniform ones.
         runs: Runs that were driven.
+        lost: Runs besides whose process was lost, of which nobody knows whether they fail.
         failures: Runs that failed.
         signatures: Different signatures among these.
-        rate: Share of the runs that fail, with its 95 % interval (Clopper and Pearson).
+        rate: Share of the driven runs that fail, with its 95 % interval (Clopper and Pearson), whose upper end counts
+            lost runs as failures and whose lower end does not.
+        alike: Different signatures expected in as many runs of this source, and in as many uniform ones, as the source
+            with fewer runs has; each the mean over all choices of so many of its runs.
         ratio: Its share as a multiple of that of the uniform runs, with the exact 95 % interval given the number of
             failures of both; nan and inf where there are none.
     """
 
     source: str
     runs: int
+    lost: int
     failures: int
     signatures: int
     rate: tuple[float, float, float]
+    alike: tuple[float, float]
     ratio: tuple[float, float, float]
 
     def cells(self) -> tuple[str, ...]:
         """Its row of a table with the headings `YIELD_HEAD`."""
-        at, least, most = self.ratio
-        has_ratio = self.source != "uniform" and not math.isnan(at)
+        is_uniform = self.source == "uniform"
         return (
             self.source,
-            *(str(number) for number in (self.runs, self.failures, self.signatures)),
+            *(str(number) for number in (self.runs, self.lost, self.failures)),
             *said_rate(self.rate),
-            *((f"{at:.1f}", f"{least:.1f} to {most:.1f}") if has_ratio else ("", "")),
+            *(("", "") if is_uniform else said_ratio(self.ratio)),
+            str(self.signatures),
+            *(("", "") if is_uniform else (f"{number:.1f}" for number in self.alike)),
         )
 
 
@@ -55,28 +66,59 @@ def said_rate(rate: tuple[float, float, float]) -> tuple[str, str]:
     return ("", "") if math.isnan(share) else (f"{share:.2f}", f"{low:.2f} to {high:.2f}")
 
 
+def said_ratio(ratio: tuple[float, float, float]) -> tuple[str, str]:
+    """A ratio of two shares and its interval; empty without failures."""
+    at, least, most = ratio
+    return ("", "") if math.isnan(at) else (f"{at:.1f}", f"{least:.1f} to {most:.1f}")
+
+
 def yields(rows: Sequence[Mapping[str, Any]]) -> tuple[Yield, ...]:
     """The yield of the uniform runs, of every other source that has runs, and of the directed ones together.
 
     Args:
-        rows: Of the runs: `source`, `outcome` (None: not driven), `failure` and `signature`.
+        rows: Of the runs: `source`, `draws` (0: lost), `outcome` (None: not driven), `failure` and `signature`.
     """
-    driven = [row for row in rows if row["outcome"] is not None]
-    uniform = [row for row in driven if row["source"] == "uniform"]
+    parts = {name: [row for row in rows if row["source"] == name] for name in SOURCES}
+    uniform = parts.pop("uniform")
     found = [_yield("uniform", uniform, uniform)]
-    others = [name for name in SOURCES if name != "uniform" and any(row["source"] == name for row in driven)]
-    found += [_yield(name, [row for row in driven if row["source"] == name], uniform) for name in others]
-    if others:
-        found.append(_yield("directed", [row for row in driven if row["source"] != "uniform"], uniform))
+    found += [_yield(name, own, uniform) for name, own in parts.items() if own]
+    if len(found) > 1:
+        found.append(_yield("directed", [row for own in parts.values() for row in own], uniform))
     return tuple(found)
 
 
 def _yield(source: str, rows: Sequence[Mapping[str, Any]], uniform: Sequence[Mapping[str, Any]]) -> Yield:
-    failed = [row["signature"] for row in rows if row["failure"]]
+    driven, others = (tuple(row for row in some if row["outcome"] is not None) for some in (rows, uniform))
+    failed = Counter(row["signature"] for row in driven if row["failure"])
+    failed_of_others = Counter(row["signature"] for row in others if row["failure"])
+    n_lost = sum(is_lost(row) for row in rows)
+    n_failed, n_of_others = failed.total(), failed_of_others.total()
+    share, low, high = interval(n_failed, len(driven))
+    if n_lost:
+        low, high = (interval(n, len(driven) + n_lost)[side] for side, n in ((1, n_failed), (2, n_failed + n_lost)))
     ratio = (1.0, 1.0, 1.0)
     if rows is not uniform:
-        ratio = rate_ratio(len(failed), len(rows), sum(bool(row["failure"]) for row in uniform), len(uniform))
-    return Yield(source, len(rows), len(failed), len(set(failed)), interval(len(failed), len(rows)), ratio)
+        ratio = rate_ratio(n_failed, len(driven), n_of_others, len(others))
+    fewest = min(len(driven), len(others))
+    alike = different(failed, len(driven), fewest), different(failed_of_others, len(others), fewest)
+    return Yield(source, len(driven), n_lost, n_failed, len(failed), (share, low, high), alike, ratio)
+
+
+def is_lost(row: Mapping[str, Any]) -> bool:
+    """Whether the process of a run was lost."""
+    return row["outcome"] is None and row["draws"] == 0
+
+
+def different(failed: Mapping[str, int], runs: int, chosen: int) -> float:
+    """Number of different signatures expected among some of the runs, chosen without replacement.
+
+    Args:
+        failed: Number of failures by signature.
+        runs: Number of runs.
+        chosen: Of these are chosen.
+    """
+    ways = math.comb(runs, chosen)
+    return math.fsum(1.0 - math.comb(runs - n, chosen) / ways for n in failed.values())
 
 
 def rate_ratio(failed: int, runs: int, other_failed: int, other_runs: int) -> tuple[float, float, float]:

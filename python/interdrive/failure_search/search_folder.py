@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,9 @@ _FILE, _LOG, _TABLE = "search.json", "evaluations.jsonl", "evaluations.parquet"
 #: File whose lock says that a process is searching.
 _CLAIM = ".claim"
 
+#: Whether a failure that is kept was made small.
+SHRUNK = ("", "yes", "ended", "lost")
+
 #: Columns of evaluations.parquet.
 EVALUATION_COLUMNS = (
     Column("index", "integer", "number of the run"),
@@ -29,7 +33,7 @@ EVALUATION_COLUMNS = (
     Column("agent_id", "integer", "the agent under test"),
     Column("source", "label", "where its point comes from (interdrive.failure_search.SOURCES)", labels=SOURCES),
     Column("uniform", "truth", "drawn uniformly over all pairs and points, so it counts for the rate"),
-    Column("draws", "integer", "points that were drawn until one was plausible"),
+    Column("draws", "integer", "points that were drawn until one was plausible; 0: the run was lost"),
     Column("point", "text", "coordinates from 0 to 1, as JSON, in the order of `coordinates` in search.json"),
     Column("disturbance", "text", "the same in words, or why the run was lost"),
     Column(
@@ -46,6 +50,13 @@ EVALUATION_COLUMNS = (
     ),
     Column("signature", "label", "scenario, agent, kind and partner of a failure; empty: none"),
     Column("folder", "label", "folder of the failure; empty: none"),
+    Column(
+        "shrunk",
+        "label",
+        "whether the failure that is kept was made small: yes; ended (the search ended before, and does it when it "
+        "goes on); lost (the process that did it); empty: none is kept",
+        labels=SHRUNK,
+    ),
     Column("witness", "label", "a driver that avoids the failure in this folder; empty: none"),
     Column("digest", "text", "SHA-256 of all states until the agent had its outcome"),
 )
@@ -54,12 +65,13 @@ EVALUATION_COLUMNS = (
 class SearchFolder:
     """The folder of one search, new or begun."""
 
-    def __init__(self, path: Path, what: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, what: Mapping[str, Any], *, goes_back: bool = True) -> None:
         """Opens it.
 
         Args:
             path: The folder.
             what: All that decides what is found.
+            goes_back: Runs are driven again from the first failure on that is still to be made small.
 
         Raises:
             InputError: It holds something else.
@@ -72,8 +84,22 @@ class SearchFolder:
         self.rows: list[dict[str, Any]] = []
         if (path / _LOG).exists():
             self.rows = logged(path)
+            self._go_back(to_unshrunk=goes_back)
             with replacing(path / _LOG) as part:  # without what a killed process left of a line
                 part.write_text("".join(json_text(row) + "\n" for row in self.rows), encoding="utf-8")
+
+    def _go_back(self, *, to_unshrunk: bool) -> None:
+        """Forgets folders without a row, and the runs from the first failure on that is still to be made small.
+
+        They are driven again, so that a search that goes on ends with the same failures, under the same numbers, as one
+        that was not interrupted.
+        """
+        unshrunk = (place for place, row in enumerate(self.rows) if to_unshrunk and row.get("shrunk") == "ended")
+        del self.rows[next(unshrunk, len(self.rows)) :]
+        kept = {row["folder"] for row in self.rows}
+        for folder in (self.path / "failures").glob("*"):
+            if folder.is_dir() and folder.name not in kept:
+                shutil.rmtree(folder)
 
     def _opened(self) -> list[tuple[str, int, str]] | None:
         """How pairs ended undisturbed, if the folder holds the same search; None if it holds none yet."""

@@ -153,6 +153,22 @@ class Space:
         return replace(self, driver=able)
 
 
+def with_drivers(traffic: str, space: Space) -> tuple[str, Space]:
+    """Traffic without `drivers=NAME`, and the space that draws its drivers from that population.
+
+    Raises:
+        InputError: The space names another population.
+    """
+    parts = traffic.split(",")
+    named = [part.partition("=")[2] for part in parts[1:] if part.startswith("drivers=")]
+    if not named:
+        return traffic, space
+    if space.drivers not in (Space.drivers, named[-1]):
+        raise InputError("drivers", f"the space names {space.drivers}, the traffic {named[-1]}")
+    left = ",".join(part for part in parts if not part.startswith("drivers="))
+    return left, replace(space, drivers=named[-1])
+
+
 @dataclass(frozen=True)
 class Pair:
     """An agent of a scenario file, with the vehicles that come near to it in the recording, nearest first."""

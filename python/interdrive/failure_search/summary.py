@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.errors import ResultsError
 from interdrive.failure_search.failures import Failure, failures
-from interdrive.failure_search.rates import Yield, said_rate, yields
+from interdrive.failure_search.rates import Yield, is_lost, said_rate, said_ratio, yields
 from interdrive.failure_search.search_folder import described, logged
 
 if TYPE_CHECKING:
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 #: Headings of the rows of `compared`.
 HEAD = (
-    *("search", "planner", "runs", "uniform runs", "fail", "rate [%]", "95 %"),
-    *("directed fail", "times uniform", "95 % of it", "failures", "avoidable", "agents"),
+    *("search", "planner", "runs", "lost", "uniform runs", "fail", "rate [%]", "95 %"),
+    *("directed fail", "times uniform", "95 % of it", "different", "at equal runs"),
+    *("failures", "avoidable", "agents"),
 )
 
 
@@ -74,11 +75,14 @@ class Summary:
             self.folder.name,
             self.planner,
             str(len(self.rows)),
+            str(sum(is_lost(row) for row in self.rows)),
             str(uniform.runs),
             str(uniform.failures),
             *said_rate(uniform.rate),
             f"{directed.failures} of {directed.runs}" if is_directed else "",
-            *(directed.cells()[-2:] if is_directed else ("", "")),
+            *(said_ratio(directed.ratio) if is_directed else ("", "")),
+            str(len({row["signature"] for row in self.rows if row["failure"]})),
+            f"{directed.alike[0]:.1f}, uniform {directed.alike[1]:.1f}" if is_directed else "",
             str(len(self.failures)),
             str(sum(bool(one.witness) for one in self.failures)),
             str(self.agents),

@@ -1,17 +1,15 @@
-"""What a process is told to drive for a search: worlds of points, and the smallest disturbance of a failure."""
+"""What a process is told to drive for a search: worlds of points, and how they end."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from interdrive.errors import InputError, InterdriveError
+from interdrive.errors import InputError
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
-from interdrive.failure_search.evaluation import avoided_by, drive_of, in_disturbed
+from interdrive.failure_search.evaluation import drive_of, in_disturbed
 from interdrive.failure_search.pairs import scenario_at
-from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import disturbance, undisturbed
 
 if TYPE_CHECKING:
@@ -53,8 +51,9 @@ class Trial:
         setup: Of the search.
         pair: The agent.
         proposal: What to try; None: the undisturbed world.
-        failing: A point that fails, to be made small; None: nothing has failed yet.
+        failing: A point that fails, to be made small and kept; None: nothing has failed yet.
         signature: Of that failure.
+        until: Time of the clock of all machines at which making it small ends [s since 1970]; 0: it is kept as it is.
     """
 
     setup: Setup
@@ -62,6 +61,7 @@ class Trial:
     proposal: Proposal | None = None
     failing: tuple[float, ...] | None = None
     signature: str = ""
+    until: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -73,16 +73,8 @@ class Driven:
     judged: Judged | None
 
 
-def drive(numbered: tuple[int, Trial], _attempts: int) -> Driven | InterdriveError:
-    """Does a trial. Errors of the input are its result, since an exception would end the process."""
-    _, trial = numbered
-    try:
-        return _shrunk(trial) if trial.failing is not None else _driven(trial)
-    except InterdriveError as error:
-        return error
-
-
-def _driven(trial: Trial) -> Driven:
+def driven(trial: Trial) -> Driven:
+    """Drives the first plausible world of a proposal, or the undisturbed one."""
     setup = trial.setup
     if trial.proposal is None:
         neutral = undisturbed(setup.space)
@@ -97,36 +89,13 @@ def _driven(trial: Trial) -> Driven:
     return Driven(tuple(point.tolist()), draws, ended)
 
 
-def _shrunk(trial: Trial) -> Driven:
-    """The smallest disturbance under which the agent fails in the same way, avoided by whoever avoids the first one."""
-    setup, pair = trial.setup, trial.pair
-    avoiding = ""
-
-    def still_fails(point: Sequence[float] | Floats) -> bool:
-        world = _world(setup, pair, point)
-        if world is None:
-            return False
-        scenario, way = world
-        found = _judged(scenario, way)
-        if found is None or signature(pair, found) != trial.signature:
-            return False
-        return not avoiding or bool(avoided_by(scenario, way, (avoiding,)))
-
-    first = np.array(trial.failing)
-    world = _world(setup, pair, first)
-    if world is not None:
-        avoiding = avoided_by(*world)
-    small = shrunk(first, undisturbed(setup.space), still_fails)
-    return Driven(tuple(small.tolist()), 1, judged_at(setup, pair, small))
-
-
 def judged_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> Judged | None:
     """What happens in the world of a point; None if it is not plausible."""
-    world = _world(setup, pair, point)
-    return None if world is None else _judged(*world)
+    world = world_at(setup, pair, point)
+    return None if world is None else judged_in(*world)
 
 
-def _world(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> tuple[Scenario, Drive] | None:
+def world_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> tuple[Scenario, Drive] | None:
     """The world of a point and who drives in it; None if it is not plausible."""
     change = change_at(setup, pair, point)
     original = scenario_at(pair.path)
@@ -136,10 +105,11 @@ def _world(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> tuple[S
     return scenario, drive_at(setup, pair, change, scenario)
 
 
-def _judged(scenario: Scenario, way: Drive) -> Judged | None:
+def judged_in(scenario: Scenario, way: Drive) -> Judged | None:
+    """How the agent ends in a world; None if a vehicle has no route there."""
     try:
         return way.judged(scenario)
-    except InputError:  # a vehicle has no route from its new start
+    except InputError:
         return None
 
 
