@@ -3,12 +3,13 @@
 python benchmarks/failures [--planners Late,...] [--runs 300] [--seeds 5] [--workers 1] [--out DIR] [--page PAGE]
 python benchmarks/failures --detected [--planners Late,...] [--runs 300] [--seeds 5] [--out DIR] [--page PAGE]
 python benchmarks/failures --searches DIR ... [--page PAGE]
+python benchmarks/failures --overhead [--page PAGE]
 
 With --searches, the rows of `interdrive search compare`, and the failures of each. Otherwise the planted planners of
 planted.py are searched on t_junction with each seed. With --detected a search ends with its first failure, and printed
-is in which run that is; without, the rates of uniform and directed runs, their ratio, and the overhead beside the same
-runs by `interdrive.simulate`. Searches that are there already are not driven again. --page writes the tables into a
-page, between the marks with their names.
+is in which run that is; without, the rates of uniform and directed runs, and their ratio. With --overhead, the time of
+a search beside that of the same drives. Searches that are there already are not driven again. --page writes the tables
+into a page, between the marks with their names.
 """
 
 from __future__ import annotations
@@ -93,35 +94,40 @@ def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -
     return rows
 
 
-def overhead(runs: int) -> str:
-    """Time of a search beside the time of driving its worlds until the agent ends, on one process."""
+def overhead(runs: int, times: int) -> str:
+    """Time of a search beside the time of driving its worlds until the agent ends, on one process; medians."""
     from interdrive.failure_search.disturbed_worlds import disturbed
+    from interdrive.failure_search.evaluation import Drivers
     from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
     from interdrive.failure_search.spaces import Space
-    from interdrive.failure_search.trials import Drivers, Setup, change_at, drive_at
+    from interdrive.failure_search.trials import Setup, change_at, drive_at
 
-    folder = Path(tempfile.mkdtemp()) / "overhead"
-    idr.search(SCENARIO, "idm", runs=1, out=folder, seed=1)  # what is imported and read once
-    begin = time.process_time()
-    idr.search(SCENARIO, "idm", runs=1 + runs, out=folder, seed=1)
-    searched = time.process_time() - begin
     space = Space()
     pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
     setup = Setup(Drivers("idm", "idm", "lane_following"), space, 1)
-    rows = Summary.of(folder).rows[1:]
-    begin = time.process_time()
-    for row in rows:
-        pair = pairs[row["pair"]]
-        change = change_at(setup, pair, row["point"])
-        scenario = disturbed(scenario_at(pair.path), change)
-        drive = drive_at(setup, pair, change, scenario)
-        drive.simulation(scenario).run_until_ended(drive.agent_id)
-    driven = time.process_time() - begin
+    searched, driven = [], []
+    for _ in range(times):
+        folder = Path(tempfile.mkdtemp()) / "overhead"
+        idr.search(SCENARIO, "idm", runs=1, out=folder, seed=1)  # what is imported and read once
+        begin = time.process_time()
+        idr.search(SCENARIO, "idm", runs=1 + runs, out=folder, seed=1)
+        searched.append(time.process_time() - begin)
+        rows = Summary.of(folder).rows[1:]
+        begin = time.process_time()
+        for row in rows:
+            pair = pairs[row["pair"]]
+            change = change_at(setup, pair, row["point"])
+            scenario = disturbed(scenario_at(pair.path), change)
+            drive = drive_at(setup, pair, change, scenario)
+            drive.simulation(scenario).run_until_ended(drive.agent_id)
+        driven.append(time.process_time() - begin)
+    search_ms, drive_ms = (1e3 * statistics.median(values) / runs for values in (searched, driven))
+    ratios = sorted(100.0 * (one / other - 1.0) for one, other in zip(searched, driven, strict=True))
     draws = sum(row["draws"] for row in rows) / len(rows)
     return (
-        f"{len(rows)} runs of `idm` on `{SCENARIO}`: {1e3 * searched / len(rows):.0f} ms of processor time per run in "
-        f"the search, {1e3 * driven / len(rows):.0f} ms to drive the same worlds until the agent ends "
-        f"({draws:.2f} draws per run)."
+        f"{runs} runs of `idm` on `{SCENARIO}`, measured {times} times: {search_ms:.0f} ms of processor time per run\n"
+        f"in the search, {drive_ms:.0f} ms to drive the same worlds until the agent ends (medians):\n"
+        f"{statistics.median(ratios):.0f} % more ({ratios[0]:.0f} to {ratios[-1]:.0f} %), {draws:.2f} draws per run."
     )
 
 
@@ -171,6 +177,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("out/failures"))
     parser.add_argument("--detected", action="store_true")
+    parser.add_argument("--overhead", action="store_true")
     parser.add_argument("--searches", nargs="+")
     parser.add_argument("--page", type=Path)
     given = parser.parse_args()
@@ -180,6 +187,8 @@ def main() -> None:
         parts["shipped planners"] = table(HEAD[1:], rows)
         head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
         parts["their failures"] = table(head, failures) if failures else "None."
+    elif given.overhead:
+        parts["overhead"] = overhead(150, 5)
     elif given.detected:
         rows = detected(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
         parts["detected"] = table(("planted", "found in", "median run", "last run", "kinds"), rows)
@@ -190,7 +199,6 @@ def main() -> None:
         )
         rows = planted(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
         parts["planted faults"] = table(head, rows)
-        parts["overhead"] = overhead(60)
     for name, text in parts.items():
         print(f"{name}\n\n{text}\n")
         if given.page is not None:

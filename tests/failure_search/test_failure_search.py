@@ -22,12 +22,15 @@ from interdrive import InputError, ResultsError
 from interdrive.cli import main
 from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, keeping, replay
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
+from interdrive.failure_search.evaluation import Drivers, judged
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
-from interdrive.failure_search.trials import Drivers, Setup, Trial
+from interdrive.failure_search.trials import Setup, Trial
+from interdrive.native_settings import RoadSettings
+from interdrive.scenario.native import core_road
 from interdrive.testing import Car, straight_road, world
 
 AGENT, LEADER = 101, 102
@@ -311,6 +314,15 @@ def test_a_vehicle_drifts_and_keeps_its_offset():
     assert changed.obstacles.y[1, [0, 10, 30, 60]] == pytest.approx([0.0, 0.0, 0.8, 0.8]), "m"
 
 
+def test_disturbed_worlds_are_on_one_road():
+    original = scenario()
+    changed = disturbed(original, Disturbance({LEADER: 1.0}, {LEADER: 1.1}, None, None))
+    road = core_road(original, RoadSettings())
+    assert core_road(changed, RoadSettings()) is road
+    assert core_road(changed, RoadSettings(open_end_length=0.0)) is not road
+    assert core_road(scenario(), RoadSettings()) is not road
+
+
 def test_starts_move_along_the_recording():
     changed = disturbed(scenario(), Disturbance({LEADER: -1.5}, {LEADER: 0.8}, None, None))
     assert changed.obstacles.x[1, 0] == pytest.approx(50.0 - 18.0), "m: 1.5 s at 12 m/s"
@@ -359,6 +371,48 @@ def test_drivers_of_others_are_drawn_from_their_population_and_rare_ones_are_not
     assert disturbance(plain, "lawful", pair, undisturbed(plain)).drivers == {}
 
 
+def test_messages_are_lost_only_where_agents_have_v2x(file, tmp_path):
+    (pair, _) = pairs(scenario(), "leader.xml", 4)
+    space = Space().with_v2x(is_on=True)
+    point = dict(zip(space.coordinates, undisturbed(space), strict=True))
+    lossy = disturbance(space, "idm", pair, list({**point, "v2x_loss": 0.25}.values()))
+    assert (lossy.loss, lossy.words()) == (0.25, "25 % of messages are lost")
+    assert disturbance(space, "idm", pair, list(point.values())).loss is None
+    assert "v2x_loss" not in Space().with_v2x(is_on=False).coordinates
+    with pytest.raises(InputError, match="nobody has V2X; set v2x"):
+        searched(file, tmp_path / "none", space=replace(BRAKING, v2x_loss=(0.5, 1.0)))
+
+
+def test_a_failure_repeats_with_the_settings_and_the_losses_of_its_search(file, tmp_path):
+    found = searched(
+        file,
+        tmp_path / "out",
+        RUNS,
+        keep=1,
+        stop_after=1,
+        shrink=False,
+        settings={"v2x.penetration": "1", "v2x.cpm": "true"},
+    )
+    (one,) = found.failures
+    assert one.drive.settings["v2x.cpm"] == "true"
+    assert 0.0 < float(one.drive.settings["v2x.loss"]) < 1.0
+    assert " % of messages are lost" in one.disturbance
+    run, is_equal = replay(one, trust=True)
+    assert is_equal
+    assert run.settings["settings"]["v2x.loss"] == float(one.drive.settings["v2x.loss"])
+    out = tmp_path / "again"
+    ran = CliRunner().invoke(main, ["run", "--config", str(one.folder / "run.toml"), "--out", str(out), "--quiet"])
+    assert ran.exit_code == 0, ran.output
+    assert idr.load(out).digest == one.digest
+
+
+def test_failures_on_other_lanelets_are_of_another_kind(done):
+    run = done[0].failures[0].replay(trust=True)
+    (lanelet,) = run.scenario.lanelets.ids.tolist()
+    assert judged(run, AGENT).lanelets == (lanelet, lanelet)
+    assert done[0].failures[0].signature == f"leader {AGENT} ran_into {LEADER} {lanelet}-{lanelet}"
+
+
 def test_the_undisturbed_point_changes_nothing():
     (pair, _) = pairs(scenario(), "leader.xml", 4)
     for space in (Space(), Space(start_speed=(1.0, 1.0)), replace(Space(), errors=())):
@@ -389,7 +443,7 @@ def test_shrinking_takes_back_what_chooses_among_kinds_but_makes_nothing_of_it_s
 
 def test_disturbances_that_mean_the_same_are_driven_once(file, monkeypatch):
     (pair,) = [one for one in pairs(scenario(), str(file), 1) if one.agent_id == AGENT]
-    space = replace(BRAKING, errors=("inattentive",), error_share=1.0)
+    space = replace(BRAKING, errors=("inattentive",), error_share=1.0, v2x_loss=(0.0, 0.0))
     setup = Setup(Drivers(BLIND, "idm", "constant_velocity"), space, 0)
     driven = []
     monkeypatch.setattr(keeping, "avoided_by", lambda *_: "")
@@ -413,6 +467,8 @@ def test_disturbances_that_mean_the_same_are_driven_once(file, monkeypatch):
         ({"run_timeout": 0.0}, "run_timeout: must be positive, is 0.0"),
         ({"method": "cma"}, "method: must be one of levels, uniform, not 'cma'"),
         ({"planner": "idmm"}, "idmm"),
+        ({"settings": {"v2x.penetratio": "1"}}, "did you mean v2x.penetration?"),
+        ({"settings": {"recording.raw": "true"}}, "recording.raw: settings of recording cannot be chosen for a search"),
         ({"traffic": "recorded", "space": Space(driver=("time_gap",))}, "traffic recorded has no time_gap to draw"),
         (
             {"traffic": "recorded", "space": Space(errors=("disobeys",))},
@@ -459,6 +515,7 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         ("quantiles = [0.1, 1.0]", "quantiles: must be below 1, is 1"),
         ('drivers = "homes"', "did you mean house?"),
         ("error_time = [-1.0, 1.0]", "error_time: must not be negative, is -1"),
+        ("v2x_loss = [0.0, 2.0]", "v2x_loss: must be from 0 to 1, is 2"),
         ("occlusion = -0.5", "occlusion: must be from 0 to 1, is -0.5"),
         ("=", "not a TOML file"),
     ],

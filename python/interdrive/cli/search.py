@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from interdrive.cli.arguments import shown
+from interdrive.cli.arguments import assigned, shown
 from interdrive.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -49,6 +49,13 @@ def search() -> None:
 @click.option("--agent", metavar="ID", type=int, help="Only this agent (all with another vehicle near).")
 @click.option("--traffic", metavar="PLANNER|recorded", default="idm", help="Who drives the other vehicles (idm).")
 @click.option("--predictor", metavar="PREDICTOR", default="lane_following", help="Predictor (lane_following).")
+@click.option(
+    "--set",
+    "assignments",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A setting of all runs, such as v2x.penetration=1.",
+)
 @click.option("--space", metavar="TOML", help="File with bounds of what may change.")
 @click.option("--errors", type=click.Choice(("default", "none")), default="default", help="Errors of other vehicles.")
 @click.option(
@@ -70,7 +77,14 @@ def search() -> None:
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (one per core).")
 @click.option("--run-timeout", metavar="S", type=float, default=math.inf, help="A run may take this long (for ever).")
 @click.option("--ray", metavar="[ADDRESS]", is_flag=False, flag_value="auto", help="Use a Ray cluster (auto).")
-def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: int | None, **options: Any) -> None:  # noqa: ANN401 - of click
+def search_in(
+    paths: tuple[str, ...],
+    space: str | None,
+    errors: str,
+    workers: int | None,
+    assignments: tuple[str, ...],
+    **options: Any,  # noqa: ANN401 - of click
+) -> None:
     """Search. Exit code 0, whether or not it finds something; Ctrl-C keeps what was found."""
     from dataclasses import replace  # noqa: PLC0415
 
@@ -91,6 +105,7 @@ def search_in(paths: tuple[str, ...], space: str | None, errors: str, workers: i
                 paths,
                 options.pop("planner"),
                 space=chosen,
+                settings=assigned(assignments),
                 workers=workers or os.cpu_count() or 1,
                 on_run=partial(_say_how_many, report.say, options["runs"]),
                 **options,

@@ -58,12 +58,14 @@ def bind(defaults: T, values: Mapping[str, Any], *, unknown: str = "no such sett
         unknown: What is said of a name that does not exist.
 
     Returns:
-        A new instance. Its dataclasses check ranges themselves, in `__post_init__`.
+        A new instance, or the same one if nothing is named. Its dataclasses check ranges in `__post_init__`.
 
     Raises:
         InputError: for an unknown name (with the nearest one), a group where a value is needed, a value of another
             type, or a value that a dataclass refuses; the text starts with the dotted name.
     """
+    if not values and type(defaults).__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        return defaults
     known = flatten(defaults)
     for key in values:
         if key not in known:

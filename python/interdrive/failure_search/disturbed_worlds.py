@@ -12,8 +12,6 @@ from interdrive.scenario import STATE_FIELDS
 from interdrive.scenario.inspection import lanelets_at
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from interdrive.array_types import Floats
     from interdrive.failure_search.spaces import Disturbance, Error
     from interdrive.scenario import Obstacles, Scenario
@@ -24,8 +22,6 @@ _RECOVERY = 2.0
 _BRAKING_MAX, _LANE = 4.0, 2.0
 #: Pairs farther apart than this are not looked at [m]; for so long they are thought to drive straight on [s].
 _REACH, _STRAIGHT = 80.0, 3.0
-
-State = dict[str, float]
 
 
 def disturbed(scenario: Scenario, disturbance: Disturbance) -> Scenario:
@@ -48,10 +44,11 @@ def disturbed(scenario: Scenario, disturbance: Disturbance) -> Scenario:
             tables[name][row, first:] = math.nan
         valid[row, first:] = False
         track = _Track(obstacles, row, scenario.dt)
-        for step, state in enumerate(_states(track, time, factor, error, obstacles.x.shape[1] - first)):
-            valid[row, first + step] = True
-            for name in STATE_FIELDS:
-                tables[name][row, first + step] = state[name]
+        states = _states(track, time, factor, error, obstacles.x.shape[1] - first)
+        last = first + len(states["x"])
+        valid[row, first:last] = True
+        for name in STATE_FIELDS:
+            tables[name][row, first:last] = states[name]
     return replace(scenario, obstacles=replace(obstacles, valid=valid, **tables))
 
 
@@ -66,65 +63,82 @@ class _Track:
         }
         self.columns["orientation"] = np.unwrap(self.columns["orientation"])
 
-    def at(self, time: float) -> State:
-        """The state at a time from its first one on [s]; before that straight back along its heading."""
-        if time <= 0.0:
-            state = {name: float(values[0]) for name, values in self.columns.items()}
-            back = state["velocity"] * time
-            state["x"] += back * math.cos(state["orientation"])
-            state["y"] += back * math.sin(state["orientation"])
-            if time < 0.0:
-                state["acceleration"] = state["yaw_rate"] = 0.0
-            return state
-        place = min(time / self.dt, len(self.columns["x"]) - 1.0)
-        low = min(int(place), len(self.columns["x"]) - 2)
+    def at(self, times: Floats) -> dict[str, Floats]:
+        """The states at times from its first one on [s]; before that straight back along its heading."""
+        before = times <= 0.0
+        place = np.minimum(np.maximum(times, 0.0) / self.dt, len(self.columns["x"]) - 1.0)
+        low = np.minimum(place.astype(np.int64), len(self.columns["x"]) - 2)
         share = place - low
-        return {
-            name: float((1.0 - share) * values[low] + share * values[low + 1]) for name, values in self.columns.items()
+        states = {
+            name: np.where(before, values[0], (1.0 - share) * values[low] + share * values[low + 1])
+            for name, values in self.columns.items()
         }
+        back = np.where(before, states["velocity"] * times, 0.0)
+        heading = float(self.columns["orientation"][0])
+        states["x"] += back * math.cos(heading)
+        states["y"] += back * math.sin(heading)
+        for name in ("acceleration", "yaw_rate"):
+            states[name][times < 0.0] = 0.0
+        return states
+
+    def velocity_at(self, time: float) -> float:
+        """The velocity at one time [m/s]."""
+        values = self.columns["velocity"]
+        place = min(max(time, 0.0) / self.dt, len(values) - 1.0)
+        low = min(int(place), len(values) - 2)
+        return float((1.0 - (place - low)) * values[low] + (place - low) * values[low + 1])
 
 
-def _states(track: _Track, time: float, factor: float, error: Error | None, n: int) -> Iterator[State]:
+def _states(track: _Track, time: float, factor: float, error: Error | None, n: int) -> dict[str, Floats]:
     """Its disturbed states, one per time step, up to the end of the recording."""
-    # Seconds of the recording that pass in a second; an error slows that down.
-    pace, passed, before = factor, time, math.nan
-    for step in range(n):
+    elapsed: Floats = np.arange(n, dtype=np.float64) * track.dt
+    if error is not None and error.kind == "brakes":
+        paces = _braked_paces(track, time, factor, error, n)
+    else:
+        paces = np.full(n, factor)
+    # Seconds of the recording that have passed; each sum rests on the one before it.
+    passed = np.add.accumulate(np.concatenate(([time], paces[1:] * track.dt)))
+    there = passed <= track.end + 1e-9
+    paces, states = paces[there], track.at(passed[there])
+    states["velocity"] = speed = paces * states["velocity"]
+    states["acceleration"][:1] *= paces[:1] * paces[:1]
+    states["acceleration"][1:] = np.diff(speed) / track.dt
+    states["yaw_rate"] = paces * states["yaw_rate"]
+    if error is not None and error.kind == "drifts":
+        _drift(states, error, elapsed[there])
+    return states
+
+
+def _braked_paces(track: _Track, time: float, factor: float, error: Error, n: int) -> Floats:
+    """Seconds of the recording that pass in a second at each time step, which braking slows down."""
+    paces = np.full(n, factor)
+    pace, passed = factor, time
+    for step in range(n - 1):
         if passed > track.end + 1e-9:
-            return
-        state = track.at(passed)
-        elapsed = step * track.dt
-        recorded = max(state["velocity"], 0.0)
-        speed = pace * state["velocity"]
-        if not math.isnan(before):
-            state["acceleration"] = (speed - before) / track.dt
-        else:
-            state["acceleration"] *= pace * pace
-        state["velocity"], state["yaw_rate"] = speed, pace * state["yaw_rate"]
-        if error is not None and error.kind == "drifts":
-            _drift(state, error, elapsed)
-        yield state
-        before = speed
-        # The pace of the next step, in which it drives on.
-        if error is not None and error.kind == "brakes" and recorded > 0.0:
-            wanted = factor * recorded
+            break
+        elapsed, recorded = step * track.dt, max(track.velocity_at(passed), 0.0)
+        if recorded > 0.0:
+            wanted, speed = factor * recorded, pace * recorded
             if error.time <= elapsed < error.time + error.duration:
                 wanted = max(speed - error.size * track.dt, 0.0)
             elif elapsed >= error.time + error.duration:
                 wanted = min(wanted, speed + _RECOVERY * track.dt)
             pace = wanted / recorded
+        paces[step + 1] = pace
         passed += pace * track.dt
+    return paces
 
 
-def _drift(state: State, error: Error, elapsed: float) -> None:
-    """Moves a state sideways, smoothly within the duration of the error."""
-    share = min(max((elapsed - error.time) / error.duration, 0.0), 1.0)
+def _drift(states: dict[str, Floats], error: Error, elapsed: Floats) -> None:
+    """Moves states sideways, smoothly within the duration of the error."""
+    share = np.clip((elapsed - error.time) / error.duration, 0.0, 1.0)
     offset = error.size * share * share * (3.0 - 2.0 * share)
     rate = error.size * 6.0 * share * (1.0 - share) / error.duration
-    heading = state["orientation"]
-    state["x"] -= offset * math.sin(heading)
-    state["y"] += offset * math.cos(heading)
-    if state["velocity"] > 1.0:
-        state["orientation"] = heading + math.atan2(rate, state["velocity"])
+    heading, velocity = states["orientation"].copy(), states["velocity"]
+    states["x"] -= offset * np.sin(heading)
+    states["y"] += offset * np.cos(heading)
+    moving = velocity > 1.0
+    states["orientation"][moving] = heading[moving] + np.arctan2(rate[moving], velocity[moving])
 
 
 def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
@@ -134,16 +148,18 @@ def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
     of both has to brake hard, or they touch straight on whichever brakes.
     """
     before, after = original.obstacles, changed.obstacles
-    for who in sorted(moved):
-        row = int(np.searchsorted(after.ids, who))
+    names = sorted(moved)
+    rows = np.searchsorted(after.ids, names)
+    starts = after.valid[rows].argmax(axis=1)
+    lanelets = lanelets_at(changed.lanelets, after.x[rows, starts], after.y[rows, starts])
+    for who, row, first, own in zip(names, rows.tolist(), starts.tolist(), lanelets, strict=True):
         if after.valid[row].sum() < 2:
             return f"{who} has no way left"
-        first = int(after.valid[row].argmax())
-        x, y = after.x[row, first : first + 1], after.y[row, first : first + 1]
-        if not lanelets_at(changed.lanelets, x, y).any():
+        if not own.any():
             return f"{who} starts off every lanelet"
-        for other in np.flatnonzero(after.valid[:, first]).tolist():
-            if other == row or math.hypot(after.x[other, first] - x[0], after.y[other, first] - y[0]) > _REACH:
+        away = np.hypot(after.x[:, first] - after.x[row, first], after.y[:, first] - after.y[row, first])
+        for other in np.flatnonzero(after.valid[:, first] & (away <= _REACH)).tolist():
+            if other == row:
                 continue
             number = int(after.ids[other])
             if _overlap(after, row, other, first) and not _overlap(before, row, other, first):
@@ -157,12 +173,22 @@ def implausible(original: Scenario, changed: Scenario, moved: set[int]) -> str:
     return ""
 
 
+def _size(obstacles: Obstacles, row: int) -> tuple[float, float]:
+    """Length and width of a footprint [m]."""
+    shape = obstacles.shapes[row]
+    if len(shape.vertices):
+        return float(np.ptp(shape.vertices[:, 0])), float(np.ptp(shape.vertices[:, 1]))
+    return shape.length or 2.0 * shape.radius, shape.width or 2.0 * shape.radius
+
+
+def _radius(obstacles: Obstacles, row: int) -> float:
+    """How far a footprint reaches at most from its centre [m]."""
+    return 0.5 * math.hypot(*_size(obstacles, row)) + 1e-9
+
+
 def _corners(obstacles: Obstacles, row: int, column: int) -> Floats:
     """Corners of a footprint about its centre, in their order, shape (4, 2)."""
-    shape = obstacles.shapes[row]
-    length, width = (shape.length or 2.0 * shape.radius), (shape.width or 2.0 * shape.radius)
-    if len(shape.vertices):
-        length, width = float(np.ptp(shape.vertices[:, 0])), float(np.ptp(shape.vertices[:, 1]))
+    length, width = _size(obstacles, row)
     heading = obstacles.orientation[row, column]
     along = 0.5 * length * np.array([math.cos(heading), math.sin(heading)])
     across = 0.5 * width * np.array([-math.sin(heading), math.cos(heading)])
@@ -179,12 +205,18 @@ def _overlap(obstacles: Obstacles, row: int, other: int, column: int) -> bool:
     if not (obstacles.valid[row, column] and obstacles.valid[other, column]):
         return False
     apart = _centre(obstacles, other, column) - _centre(obstacles, row, column)
+    if math.hypot(*apart) > _radius(obstacles, row) + _radius(obstacles, other):
+        return False
     return _touches(_corners(obstacles, row, column), _corners(obstacles, other, column), apart[None])
 
 
 def _is_too_late(obstacles: Obstacles, row: int, other: int, column: int) -> bool:
     """Whether two vehicles that drive straight on touch, whichever of them brakes as hard as a follower may have to."""
     if not (obstacles.valid[row, column] and obstacles.valid[other, column]):
+        return False
+    speeds = (max(float(obstacles.velocity[number, column]), 0.0) for number in (row, other))
+    reach = _STRAIGHT * sum(speeds) + _radius(obstacles, row) + _radius(obstacles, other)
+    if math.hypot(*(_centre(obstacles, other, column) - _centre(obstacles, row, column))) > reach:
         return False
     bodies = _corners(obstacles, row, column), _corners(obstacles, other, column)
     centres = _centre(obstacles, row, column), _centre(obstacles, other, column)
@@ -227,10 +259,5 @@ def _braking(obstacles: Obstacles, follower: int, leader: int, column: int) -> f
     closing = obstacles.velocity[follower, column] - obstacles.velocity[leader, column] * turned
     if along <= 0.0 or abs(across) > _LANE or turned < math.cos(math.pi / 4.0) or closing <= 0.0:
         return 0.0
-    half = 0.5 * sum(_length(obstacles, row) for row in (follower, leader))
+    half = 0.5 * sum(_size(obstacles, row)[0] for row in (follower, leader))
     return float(closing * closing / (2.0 * max(along - half, 0.01)))
-
-
-def _length(obstacles: Obstacles, row: int) -> float:
-    shape = obstacles.shapes[row]
-    return float(np.ptp(shape.vertices[:, 0])) if len(shape.vertices) else shape.length or 2.0 * shape.radius

@@ -12,7 +12,7 @@ from interdrive.config.specs import spec_name
 from interdrive.errors import InputError
 from interdrive.failure_search.spaces import RECORDED
 from interdrive.panel import PANEL
-from interdrive.scenario.inspection import candidates
+from interdrive.scenario.inspection import candidates, lanelets_at
 from interdrive.scoring.seen import Seen
 from interdrive.scoring.settings import ScoringSettings
 from interdrive.simulation import Simulation
@@ -20,7 +20,9 @@ from interdrive.simulation import Simulation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from interdrive.array_types import Ints
     from interdrive.failure_search.spaces import Disturbance
+    from interdrive.run import States
     from interdrive.runs import Run
     from interdrive.scenario import Scenario
 
@@ -40,6 +42,16 @@ _GAP_WEIGHT, _DISTANCE_WEIGHT = 0.1, 0.001
 
 
 @dataclass(frozen=True)
+class Drivers:
+    """Who drives in a search: the planner under test, the traffic, and the predictor of all; with settings of runs."""
+
+    planner: str
+    traffic: str
+    predictor: str
+    settings: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
 class Drive:
     """All arguments of a run but its scenario, in plain values, so that a folder can keep them.
 
@@ -51,6 +63,7 @@ class Drive:
         predictor: Predictor of all agents.
         sight: Radius within which the agent sees [m]; None: as its settings say.
         occluded: The agent does not see through vehicles and buildings.
+        settings: Settings of the run by dotted name, as on the command line.
     """
 
     agents: tuple[int, ...]
@@ -60,6 +73,7 @@ class Drive:
     predictor: str = "lane_following"
     sight: float | None = None
     occluded: bool = False
+    settings: dict[str, str] = field(default_factory=dict)
 
     def by(self, planner: str) -> Drive:
         """The same with another planner of the agent."""
@@ -84,6 +98,7 @@ class Drive:
             agents=list(self.agents),
             planner=self.planners,
             predictor=self.predictor,
+            settings=self.settings,
             threads=1,
             planner_processes=False,
         )
@@ -113,6 +128,7 @@ class Judged:
         criticality: Below 0: it failed, the lower the faster; otherwise 0 (near) or more.
         words: What happened.
         digest: Of the states of the run.
+        lanelets: Of a failure, where the agent and its partner were: the lanelet with the smallest id; -1: on none.
     """
 
     outcome: str
@@ -121,6 +137,7 @@ class Judged:
     criticality: float
     words: str
     digest: str
+    lanelets: tuple[int, ...] = ()
 
 
 def judged(run: Run, agent_id: int) -> Judged:
@@ -138,7 +155,17 @@ def judged(run: Run, agent_id: int) -> Judged:
         failure, words = verdict.kind, f"{'at fault: ' if verdict.kind else ''}{verdict.words}"
         impact = float(ended.impact_speed[row]) if failure else 0.0
     critical = -1.0 - max(impact, 0.0) / _IMPACT_SCALE if failure else _nearness(run, agent_id, seen)
-    return Judged(outcome, failure, partner, critical, words, run.digest)
+    places = _lanelets(run, [agent_id, *([partner] if partner >= 0 else [])]) if failure else ()
+    return Judged(outcome, failure, partner, critical, words, run.digest, places)
+
+
+def _lanelets(run: Run, participants: Sequence[int]) -> tuple[int, ...]:
+    """The lanelet with the smallest id on which each participant was when the first of them ended; -1: on none."""
+    states, lanelets = run.states, run.scenario.lanelets
+    rows = np.searchsorted(states.participant_id, participants)
+    last = int(np.flatnonzero(states.valid[rows[0]])[-1])
+    inside = lanelets_at(lanelets, states.x[rows, last], states.y[rows, last])
+    return tuple(int(lanelets.ids[own].min()) if own.any() else -1 for own in inside)
 
 
 def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
@@ -153,6 +180,9 @@ def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
         if other == row or not len(own):
             continue
         there = np.flatnonzero(states.valid[other])
+        length = 0.5 * float(states.length[row] + states.length[other])
+        if _boxes_apart(states, (row, own), (other, there)) > _DISTANCE_MAX + length:
+            continue  # it neither used the same ground nor counts as near
         apart = np.hypot(
             states.x[row, own][:, None] - states.x[other, there],
             states.y[row, own][:, None] - states.y[other, there],
@@ -160,19 +190,29 @@ def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
         elapsed = np.abs(own[:, None] - there[None, :]) * run.scenario.dt
         width = 0.5 * float(states.width[row] + states.width[other])
         gap = min(gap, float(elapsed[apart <= width].min(initial=math.inf)))
-        length = 0.5 * float(states.length[row] + states.length[other])
         distance = min(distance, float(apart[elapsed < 0.5 * run.scenario.dt].min(initial=math.inf)) - length)
     near = min(max(distance, 0.0), _DISTANCE_MAX)
     return straight + _GAP_WEIGHT * min(gap / _GAP_SCALE, 1.0) + _DISTANCE_WEIGHT * near
 
 
-def drive_of(scenario: Scenario, agent_id: int, planner: str, traffic: str, predictor: str) -> Drive:
+def _boxes_apart(states: States, one: tuple[int, Ints], other: tuple[int, Ints]) -> float:
+    """At least how far apart the centres of two participants ever are: the distance of the boxes around them [m]."""
+    gaps = []
+    for table in (states.x, states.y):
+        first, second = table[one], table[other]
+        gaps.append(max(float(second.min() - first.max()), float(first.min() - second.max()), 0.0))
+    return math.hypot(*gaps)
+
+
+def drive_of(scenario: Scenario, agent_id: int, drivers: Drivers) -> Drive:
     """The drive of an agent among others that a planner drives, or that replay their recordings (`RECORDED`)."""
-    if traffic == RECORDED:
-        return Drive((agent_id,), agent_id, planner, {}, predictor)
-    able = candidates(scenario)
-    others = [number for number in able.ids[able.accepted].tolist() if number != agent_id]
-    return Drive((agent_id, *others), agent_id, planner, dict.fromkeys(others, traffic), predictor)
+    others: list[int] = []
+    if drivers.traffic != RECORDED:
+        able = candidates(scenario)
+        others = [number for number in able.ids[able.accepted].tolist() if number != agent_id]
+    planners = dict.fromkeys(others, drivers.traffic)
+    settings = dict(drivers.settings)
+    return Drive((agent_id, *others), agent_id, drivers.planner, planners, drivers.predictor, settings=settings)
 
 
 def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
@@ -190,7 +230,9 @@ def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
         )
         for number, name in drive.others.items()
     }
-    found = replace(drive, others=others, sight=change.sight, occluded=change.occluded)
+    lost = {} if change.loss is None else {"v2x.loss": f"{change.loss!r}"}
+    settings = {**drive.settings, **lost}
+    found = replace(drive, others=others, sight=change.sight, occluded=change.occluded, settings=settings)
     error = change.error
     if error is None or error.who not in others:
         return found

@@ -21,6 +21,8 @@ from interdrive.storage.reading import read_json
 from interdrive.storage.writing import json_text
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from interdrive.runs import Run
     from interdrive.scenario import Scenario
 
@@ -140,6 +142,7 @@ def read_failure(folder: str | Path) -> Failure:
             str(drive["predictor"]),
             None if drive["sight"] is None else float(drive["sight"]),
             bool(drive.get("occluded", False)),
+            {str(name): str(value) for name, value in drive.get("settings", {}).items()},
         )
     except FileNotFoundError:
         raise ResultsError(f"{folder}: not the folder of a failure: there is no {_FILE}") from None
@@ -251,6 +254,12 @@ def _configuration(drive: Drive) -> str:
     lines = ["[run]", f'scenario = "{_START}"', f"agents = {list(drive.agents)}", f'predictor = "{drive.predictor}"']
     for number, planner in sorted(drive.planners.items(), key=lambda item: int(item[0])):
         lines += ["", f"[agent.{number}]", *_toml(str(planner))]
+    tables: dict[str, list[str]] = {}
+    for name, value in sorted(drive.settings.items()):
+        table, _, leaf = name.rpartition(".")
+        tables.setdefault(table, []).extend(_entries([f"{leaf}={value}"]))
+    for table, entries in tables.items():
+        lines += ["", f"[{table}]", *entries]
     lines += ["", "[recording]", "raw = true"]
     return "\n".join(lines) + "\n"
 
@@ -258,7 +267,12 @@ def _configuration(drive: Drive) -> str:
 def _toml(planner: str) -> list[str]:
     """A planner as text, as the entries of its table."""
     name, *settings = planner.split(",")
-    entries: list[str] = [f'planner = "{name}"']
+    return [f'planner = "{name}"', *_entries(settings)]
+
+
+def _entries(settings: Sequence[str]) -> list[str]:
+    """Settings as NAME=VALUE, as entries of a table."""
+    entries = []
     for setting in settings:
         key, _, value = setting.partition("=")
         is_plain: Any = value in ("true", "false") or value.replace(".", "").replace("-", "").isdigit()

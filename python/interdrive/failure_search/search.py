@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive import _core
+from interdrive.config.schema import settings_of
 from interdrive.errors import InputError, InterdriveError
 from interdrive.failure_search.allocation import KEPT_MAX, METHODS, Allocation
 from interdrive.failure_search.backends import backend_of, spare
-from interdrive.failure_search.evaluation import require_text
+from interdrive.failure_search.evaluation import Drivers, require_text
 from interdrive.failure_search.failures import Failure, failures
 from interdrive.failure_search.keeping import work
 from interdrive.failure_search.pairs import pairs_of, paths_of
@@ -24,10 +25,10 @@ from interdrive.failure_search.record import Record
 from interdrive.failure_search.rounds import Limits, Round, task_of, value_of
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.spaces import CHOICES, Space, with_drivers
-from interdrive.failure_search.trials import Driven, Drivers, Setup, Trial
+from interdrive.failure_search.trials import Driven, Setup, Trial
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from interdrive.failure_search.allocation import Method
     from interdrive.failure_search.backends import Backend
@@ -74,6 +75,7 @@ def search(
     agent_id: int | None = None,
     traffic: str = "idm",
     predictor: str = "lane_following",
+    settings: Mapping[str, str] | None = None,
     space: Space | None = None,
     method: Method = "levels",
     keep: int = KEPT_MAX,
@@ -100,6 +102,8 @@ def search(
         traffic: Planner of all other vehicles, or "recorded". With `drivers=NAME`, what `space.driver` names is drawn
             from that population.
         predictor: Predictor of all agents.
+        settings: Settings of all runs by dotted name, as on the command line; with `v2x.penetration` messages may be
+            lost, too.
         space: What may change; the defaults otherwise.
         method: "levels" drives pairs and points near those that came near to a failure, "uniform" draws all alike.
         keep: So many failures of one kind (scenario, agent, kind, partner, lanelets) are made small and kept.
@@ -126,9 +130,10 @@ def search(
         if not value > 0:
             raise InputError(f"{name}: must be positive, is {value}")
     traffic, chosen = with_drivers(traffic, space or Space())
-    chosen = chosen.with_traffic(traffic)
+    own = _checked(settings or {})
+    chosen = chosen.with_traffic(traffic).with_v2x(is_on=settings_of(own).v2x.penetration > 0.0)
     found, files, left_out = pairs_of(paths_of(paths), chosen.others, agent_id)
-    setup = Setup(Drivers(text, traffic, predictor), chosen, seed)
+    setup = Setup(Drivers(text, traffic, predictor, tuple(own.items())), chosen, seed)
     what = {
         "files": files,
         "planner": text,
@@ -136,6 +141,7 @@ def search(
         "seed": seed,
         "traffic": traffic,
         "predictor": predictor,
+        "settings": own,
         "method": method,
         "keep": keep,
         "space": json.loads(json.dumps(asdict(chosen))),
@@ -149,6 +155,19 @@ def search(
         under_way = _Search(folder, found, setup, (method, keep), backend, run_timeout)
         under_way.run(limits, on_run)
     return under_way.found(left_out)
+
+
+def _checked(settings: Mapping[str, str]) -> dict[str, str]:
+    """Settings of runs, in the order of their names.
+
+    Raises:
+        InputError: There is no such setting, or it says how files are read or who drives, which a search decides.
+    """
+    for name in settings:
+        table = name.partition(".")[0]
+        if table in ("agents", "recording", "source", "traffic"):
+            raise InputError(name, f"settings of {table} cannot be chosen for a search")
+    return {name: str(settings[name]) for name in sorted(settings)}
 
 
 #: Before the reason why an agent cannot be driven at all.

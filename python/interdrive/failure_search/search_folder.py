@@ -48,7 +48,7 @@ EVALUATION_COLUMNS = (
     Column(
         "criticality", "number", "below 0: a failure; 0 (near) or more otherwise", "1", null="no draw was plausible"
     ),
-    Column("signature", "label", "scenario, agent, kind and partner of a failure; empty: none"),
+    Column("signature", "label", "scenario, agent, kind, partner and lanelets of both at a failure; empty: none"),
     Column("folder", "label", "folder of the failure; empty: none"),
     Column(
         "shrunk",

@@ -1,4 +1,4 @@
-"""What a search may change: starts, speeds and drivers near an agent, an error of one of them, the agent's sight."""
+"""What a search may change: starts, speeds and drivers near an agent, an error of one, its sight, lost messages."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ RECORDED = "recorded"
 #: Coordinates of the error, and of what the agent sees, behind those of the other vehicles.
 _OF_ERROR = ("error", "error_by", "error_time", "error_size")
 _OF_SIGHT = ("sight", "occlusion")
+#: That of messages, where there are any.
+_OF_MESSAGES = ("v2x_loss",)
 #: Coordinates that choose among kinds: a neighbour of a point draws them anew, or leaves them.
 CHOICES = ("error", "error_by", "occlusion")
 #: Normal numbers of a driver lie within the ellipse that holds 99 % of all drivers; this is the 99 % quantile.
@@ -59,6 +61,7 @@ class Space:
         error_time: When it brakes or drifts, from its first state on [s].
         sight: Radius within which the agent sees [m].
         occlusion: Share of the runs in which it does not see through vehicles and buildings.
+        v2x_loss: Share of messages that are lost, where agents have V2X.
         others: Number of vehicles that are disturbed: those that come nearest to the agent.
     """
 
@@ -72,6 +75,7 @@ class Space:
     error_time: Annotated[tuple[float, float], "s"] = (0.0, 8.0)
     sight: Annotated[tuple[float, float], "m"] = (30.0, 80.0)
     occlusion: float = 0.25
+    v2x_loss: tuple[float, float] = (0.0, 1.0)
     others: int = 4
 
     def __post_init__(self) -> None:
@@ -82,11 +86,12 @@ class Space:
             "sight": self.sight,
             "quantiles": self.quantiles,
             "error_time": self.error_time,
+            "v2x_loss": self.v2x_loss,
         }
         for name, (low, high) in bounds.items():
             if not -math.inf < low <= high < math.inf:
                 raise InputError(name, f"needs two finite bounds, the lower one first, not {low:g} and {high:g}")
-            if name not in ("start_time", "error_time") and not low > 0.0:
+            if name not in ("start_time", "error_time", "v2x_loss") and not low > 0.0:
                 raise InputError(name, f"must be positive, is {low:g}")
         if not self.error_time[0] >= 0.0:
             raise InputError("error_time", f"must not be negative, is {self.error_time[0]:g}")
@@ -99,7 +104,8 @@ class Space:
         for name in self.driver:
             if name not in drawn:
                 raise InputError("driver", f"drivers do not differ in {name}; there are {', '.join(drawn)}")
-        for name, share in (("error_share", self.error_share), ("occlusion", self.occlusion)):
+        shares = (("error_share", self.error_share), ("occlusion", self.occlusion))
+        for name, share in (*shares, *(("v2x_loss", bound) for bound in self.v2x_loss)):
             if not 0.0 <= share <= 1.0:
                 raise InputError(name, f"must be from 0 to 1, is {share:g}")
         if self.others < 1:
@@ -129,7 +135,8 @@ class Space:
     def coordinates(self) -> tuple[str, ...]:
         """Names of the coordinates of a point, those of the other vehicles with their place, nearest first."""
         own = ("start_time", "start_speed", *self.driver)
-        return (*(f"{name}.{place}" for place in range(self.others) for name in own), *_OF_ERROR, *_OF_SIGHT)
+        others = (f"{name}.{place}" for place in range(self.others) for name in own)
+        return (*others, *_OF_ERROR, *_OF_SIGHT, *(_OF_MESSAGES if self.v2x_loss[1] > 0.0 else ()))
 
     def with_traffic(self, traffic: str) -> Space:
         """The same without draws of drivers, and without errors of drivers, where the traffic has none.
@@ -151,6 +158,18 @@ class Space:
             missing = ", ".join(name for name in self.driver if name not in known)
             raise InputError("driver", f"traffic {traffic} has no {missing} to draw")
         return replace(self, driver=able)
+
+    def with_v2x(self, *, is_on: bool) -> Space:
+        """The same without losses of messages where nobody sends any.
+
+        Raises:
+            InputError: The space asks for them.
+        """
+        if is_on or self.v2x_loss[1] == 0.0:
+            return self
+        if self.v2x_loss != Space.v2x_loss:
+            raise InputError("v2x_loss", "nobody has V2X; set v2x.penetration")
+        return replace(self, v2x_loss=(0.0, 0.0))
 
 
 def with_drivers(traffic: str, space: Space) -> tuple[str, Space]:
@@ -210,6 +229,7 @@ class Disturbance:
         occluded: The agent does not see through vehicles and buildings.
         drivers: By vehicle, settings of its planner that its driver has drawn; others are undisturbed.
         rare: A vehicle whose driver is not among 99 % of the population; None: there is none.
+        loss: Share of messages that are lost; None: as the settings say.
     """
 
     times: dict[int, float]
@@ -219,6 +239,7 @@ class Disturbance:
     occluded: bool = False
     drivers: dict[int, dict[str, float]] = field(default_factory=dict)
     rare: int | None = None
+    loss: float | None = None
 
     def words(self) -> str:
         """What is different, in one line."""
@@ -247,6 +268,8 @@ class Disturbance:
             said.append(f"the agent sees {self.sight:.0f} m far")
         if self.occluded:
             said.append("the agent does not see through vehicles and buildings")
+        if self.loss is not None:
+            said.append(f"{100.0 * self.loss:.0f} % of messages are lost")
         return "; ".join(said) or "nothing is disturbed"
 
 
@@ -258,6 +281,7 @@ def undisturbed(space: Space) -> Floats:
         **dict.fromkeys(space.driver, 0.5),
         **dict.fromkeys(_OF_ERROR, 0.0),
         **dict.fromkeys(("error", *_OF_SIGHT), 1.0),
+        "v2x_loss": _back(0.0, space.v2x_loss),
     }
     return np.array([neutral[name.partition(".")[0]] for name in space.coordinates])
 
@@ -281,7 +305,9 @@ def disturbance(space: Space, traffic: str, pair: Pair, point: Sequence[float] |
     error = _error(space, pair, at)
     low, high = space.sight
     sight = None if at["sight"] >= 1.0 else low + (high - low) * at["sight"]
-    return Disturbance(times, speeds, error, sight, at["occlusion"] < space.occlusion, drivers, rare)
+    lost = at.get("v2x_loss")
+    loss = None if lost is None or lost == _back(0.0, space.v2x_loss) else _toward(lost, space.v2x_loss, 0.0)
+    return Disturbance(times, speeds, error, sight, at["occlusion"] < space.occlusion, drivers, rare, loss)
 
 
 def _driver(space: Space, traffic: str, normal: dict[str, float]) -> dict[str, float]:

@@ -17,21 +17,12 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Floats
     from interdrive.failure_search.allocation import Proposal
-    from interdrive.failure_search.evaluation import Drive, Judged
+    from interdrive.failure_search.evaluation import Drive, Drivers, Judged
     from interdrive.failure_search.spaces import Disturbance, Pair, Space
     from interdrive.scenario import Scenario
 
 #: Draws of a point until the search takes the pair for one without a plausible world.
 _DRAWS = 50
-
-
-@dataclass(frozen=True)
-class Drivers:
-    """Who drives in a search: the planner under test, the traffic, and the predictor of all."""
-
-    planner: str
-    traffic: str
-    predictor: str
 
 
 @dataclass(frozen=True)
@@ -120,13 +111,15 @@ def change_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> Dist
 
 def drive_at(setup: Setup, pair: Pair, change: Disturbance, scenario: Scenario) -> Drive:
     """Who drives what in a disturbed world."""
-    drivers = setup.drivers
-    return in_disturbed(drive_of(scenario, pair.agent_id, drivers.planner, drivers.traffic, drivers.predictor), change)
+    return in_disturbed(drive_of(scenario, pair.agent_id, setup.drivers), change)
 
 
 def signature(pair: Pair, found: Judged) -> str:
-    """What failures that are alike have in common; "" without a failure."""
-    return f"{pair.scenario} {pair.agent_id} {found.failure} {found.partner_id}" if found.failure else ""
+    """What failures that are alike have in common: agent, kind, partner, lanelets of both; "" without a failure."""
+    if not found.failure:
+        return ""
+    places = "-".join(map(str, found.lanelets))
+    return f"{pair.scenario} {pair.agent_id} {found.failure} {found.partner_id} {places}"
 
 
 def moved_by(change: Disturbance) -> set[int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import weakref
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -84,8 +85,31 @@ def core_shape(shape: Shape) -> _core.Shape:
     return _core.Shape.group([core_shape(member) for member in shape.members])
 
 
+#: By the identity of lanelets that are in use: a reference to them, and their road networks by settings.
+_ROADS: dict[int, tuple[weakref.ref[Lanelets], list[tuple[RoadSettings, _core.RoadNetwork]]]] = {}
+
+
 def core_road(scenario: Scenario, settings: RoadSettings) -> _core.RoadNetwork:
-    """The core's road network.
+    """The core's road network; runs with the same lanelets share it.
+
+    Raises:
+        InputError: There are no lanelets, or a bound has fewer than two vertices or a value that is not a number.
+    """
+    lanelets = scenario.lanelets
+    number = id(lanelets)
+    if number not in _ROADS:
+        _ROADS[number] = weakref.ref(lanelets, lambda _: _ROADS.pop(number, None)), []
+    _, known = _ROADS[number]
+    for own, road in known:
+        if own == settings:
+            return road
+    road = _core_road(scenario, settings)
+    known.append((settings, road))
+    return road
+
+
+def _core_road(scenario: Scenario, settings: RoadSettings) -> _core.RoadNetwork:
+    """The core's road network, made anew.
 
     Raises:
         InputError: There are no lanelets, or a bound has fewer than two vertices or a value that is not a number.

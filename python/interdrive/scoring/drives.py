@@ -65,7 +65,10 @@ def site_of(run: RunRecord, settings: Mapping[str, Any]) -> Site:
     road_settings = RoadSettings(**known)
     if not (_last and _last[0].scenario is run.scenario and _last[0].settings == road_settings):
         road = core_road(run.scenario, road_settings)
-        _last[:] = [Site(run.scenario, road_settings, road, _core.crossing_lanelets(road, _EROSION, _OVERLAP_MIN))]
+        # Disturbed scenarios are on one road.
+        is_known = bool(_last) and _last[0].road is road
+        crossing = _last[0].crossing if is_known else _core.crossing_lanelets(road, _EROSION, _OVERLAP_MIN)
+        _last[:] = [Site(run.scenario, road_settings, road, crossing)]
     return _last[0]
 
 
