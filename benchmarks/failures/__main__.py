@@ -26,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))  # of worker processes, too
 
 import interdrive as idr
-from interdrive.failure_search import HEAD, Summary
+from interdrive.failure_search import HEAD, Failure, Summary
 
 FAULTS = ("BlindRight", "Late", "Standing", "Sound")
 SCENARIO = "t_junction"
@@ -102,7 +102,7 @@ def overhead(runs: int, times: int) -> str:
     from interdrive.failure_search.spaces import Space
     from interdrive.failure_search.trials import Setup, change_at, drive_at
 
-    space = Space()
+    space = Space().with_v2x(is_on=False)
     pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
     setup = Setup(Drivers("idm", "idm", "lane_following"), space, 1)
     searched, driven = [], []
@@ -142,13 +142,18 @@ def searches(folders: list[str]) -> tuple[list[list[str]], list[list[str]]]:
             str(failure.drive.agent_id),
             failure.failure,
             failure.words.removeprefix("at fault: "),
-            failure.disturbance,
+            _changes(failure),
             f"`{failure.witness}`" if failure.witness else "unproven",
         ]
         for one in found
         for failure in one.failures
     ]
     return rows, failures
+
+
+def _changes(failure: Failure) -> str:
+    """What is different from the recording; of a failure that is not small only how much."""
+    return failure.disturbance if failure.is_small else f"{failure.disturbance.count(';') + 1} changes, not made small"
 
 
 def table(head: tuple[str, ...], rows: list[list[str]]) -> str:

@@ -162,6 +162,9 @@ class Space:
     def with_v2x(self, *, is_on: bool) -> Space:
         """The same without losses of messages where nobody sends any.
 
+        Args:
+            is_on: Agents have V2X.
+
         Raises:
             InputError: The space asks for them.
         """
