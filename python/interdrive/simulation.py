@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from array import array
 from contextlib import nullcontext
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
@@ -23,8 +24,17 @@ from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
 from interdrive.planners.calls import Failure, ask, planned
 from interdrive.planners.workers import Wanted, Workers, can_be_sent
-from interdrive.run import Plans, Views
-from interdrive.run.assemble import agent_record, digest, hits_of, named_by_sumo, outcomes_of, states_of, timings_of
+from interdrive.run import PHASES, Plans, Views
+from interdrive.run.assemble import (
+    agent_records,
+    digest,
+    first_states,
+    hits_of,
+    named_by_sumo,
+    outcomes_of,
+    states_of,
+    timings_of,
+)
 from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
 from interdrive.run.flows import demand_of
 from interdrive.run.goals import said_seconds
@@ -39,7 +49,7 @@ from interdrive.scenario.native import core_road, core_scenario, thread_count
 from interdrive.traffic import Generated, entered_at, generated, map_alone
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence, Set
+    from collections.abc import Callable, Mapping, Sequence, Set
 
     from interdrive.config.agent_config import PlannersSpec, RulesSpec, V2xSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec, TrafficSpec
@@ -48,6 +58,7 @@ if TYPE_CHECKING:
     from interdrive.native_settings import RulesSettings, ViewSettings
     from interdrive.planners.calls import Answer
     from interdrive.run import Demand, Orders, Outcomes, RunSettings, States
+    from interdrive.run.assemble import FirstState
     from interdrive.scenario.agents import Agent
     from interdrive.scoring.hits import Hit
     from interdrive.sumo import traffic as sumo_traffic
@@ -217,7 +228,7 @@ class Simulation:
         self._start_workers()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
-        self._timings: list[tuple[int, list[float]]] = []
+        self._timings = array("d")
         self._profile_log = ProfileLog() if record.profile else None
         self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
         self._candidate_log = (
@@ -274,7 +285,7 @@ class Simulation:
             self._stop_workers()
             if self._sumo is not None:
                 self._sumo.close()
-        self._timings.append((time_step, step.seconds))
+        self._timings.extend((time_step, *step.seconds))
 
     def _let_go_of_hit_agents(self, driving: Set[int]) -> None:
         """Lets agents that drove drive on after contacts that were not their fault; who hit them leaves."""
@@ -413,11 +424,15 @@ class Simulation:
                 if on_step is not None:
                     on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
         except KeyboardInterrupt:
-            self._stop_workers()
-            if self._sumo is not None:
-                self._sumo.close()
+            self.stop()
             raise RunInterrupted(self.record()) from None
         return self.record()
+
+    def stop(self) -> None:
+        """Ends the processes of the run; no further step is possible where there were any."""
+        self._stop_workers()
+        if self._sumo is not None:
+            self._sumo.close()
 
     def states(self) -> States:
         """The states of all participants until now."""
@@ -460,23 +475,35 @@ class Simulation:
     def _recorded(self, *, with_violations: bool) -> Run:
         run = self._unexplained()
         broken = (
-            violations(run, self.road, self._core_scenario.junctions(), self.world.obeying, self.world.entries())
+            violations(run, self.road, self.areas, self.world.obeying, self.world.entries())
             if with_violations
             else None
         )
         return replace(run, outcomes=replace(run.outcomes, reason=reasons(run, self.road)), violations=broken)
 
     def _unexplained(self) -> Run:
-        states, outcomes, names = self.states(), self.outcomes(), self._planner_names
-        plans = Plans(**self.world.plans())
+        states = self.states()
+        firsts = first_states(states, [agent.id for agent in self.traffic.agents])
+        return self.assembled(states, Plans(**self.world.plans()), firsts, digest(states))
+
+    def assembled(self, states: States, plans: Plans, firsts: Mapping[int, FirstState], digest: str) -> Run:
+        """The run until now without reasons and violations, for one whose states and plans are not all in the world.
+
+        Args:
+            states: Its states.
+            plans: Its plans.
+            firsts: When and how each generated vehicle was there for the first time.
+            digest: Of all its states.
+        """
+        outcomes, names = self.outcomes(), self._planner_names
         return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
-            agents=tuple(agent_record(agent, names[agent.id]) for agent in self._as_entered(states)),
+            agents=agent_records(self.as_entered(firsts), names),
             outcomes=outcomes,
             states=states,
             plans=plans,
-            timings=timings_of(self._timings),
+            timings=timings_of(np.array(self._timings).reshape(-1, 1 + len(PHASES))),
             notes=(
                 *self._ended_early(outcomes),
                 *self._notes,
@@ -488,40 +515,46 @@ class Simulation:
                     for a, b in self._touching
                 ),
             ),
-            digest=digest(states),
+            digest=digest,
             finished=self.world.is_done,
             views=Views(**self.world.sightings()) if self.settings.record.views else None,
-            orders=self._orders() if self.settings.record.orders else None,
+            orders=self.orders() if self.settings.record.orders else None,
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
             cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
-            demand=self._demand(states, outcomes),
+            demand=self._demand(firsts, outcomes),
             sumo=None if self._sumo is None else named_by_sumo(self._sumo.names),
             profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
             predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
             candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
         )
 
-    def _demand(self, states: States, outcomes: Outcomes) -> Demand | None:
+    def _demand(self, firsts: Mapping[int, FirstState], outcomes: Outcomes) -> Demand | None:
         made = self.traffic
         if not self.settings.traffic.is_on:
             return None
         lanes = made.lane_ids, made.due, made.exit_ids, made.lengths
-        return demand_of(made.agents, lanes, states, outcomes, self.scenario.dt)
+        entered = {number: first.time_step for number, first in firsts.items()}
+        return demand_of(made.agents, lanes, entered, outcomes, self.scenario.dt)
 
-    def _as_entered(self, states: States) -> list[Agent]:
-        """The agents; those that have waited in queues with the time and the speed at which they entered."""
-        found = []
-        for agent in self.agents:
-            row = int(np.searchsorted(states.participant_id, agent.id))
-            if agent.queue is not None and states.valid[row].any():
-                at = row, int(states.valid[row].argmax())
-                when = states.first_time_step + at[1]
-                found.append(entered_at(agent, when, float(states.velocity[at]), float(states.yaw_rate[at])))
-            else:
-                found.append(agent)
-        return found
+    def as_entered(self, firsts: Mapping[int, FirstState], wanted: Set[int] | None = None) -> list[Agent]:
+        """The agents; those that have waited in queues with the time and the speed at which they entered.
+
+        Args:
+            firsts: When and how each generated vehicle was there for the first time.
+            wanted: Ids; None: all agents.
+        """
+        return [
+            agent if agent.queue is None or agent.id not in firsts else entered_at(agent, *firsts[agent.id])
+            for agent in self.agents
+            if wanted is None or agent.id in wanted
+        ]
+
+    @cached_property
+    def areas(self) -> Mapping[str, Any]:
+        """Ground that several ways share, as `_core.Scenario.junctions` tells."""
+        return self._core_scenario.junctions()
 
     @property
     def _planner_names(self) -> dict[int, str]:
@@ -531,8 +564,8 @@ class Simulation:
     def _negotiates(self) -> bool:
         return self.settings.v2x.negotiate and bool(self.world.equipped)
 
-    def _orders(self) -> Orders | None:
-        """What agents were told; None if none enters junctions by order and none has waited."""
+    def orders(self) -> Orders | None:
+        """What agents were told until now; None if none enters junctions by order and none has waited."""
         orders = orders_of(self.world.waits())
         return orders if self.world.obeying or len(orders.agent_id) else None
 

@@ -65,7 +65,7 @@ fn world(planner: &Planner) -> World {
         states,
     };
     // Not before the bench is over.
-    let anywhere = GoalState { areas: vec![], time_step: (400, 500), velocity: None, orientation: None };
+    let anywhere = GoalState { areas: [].into(), time_step: (400, 500), velocity: None, orientation: None };
     let agents = (0..N_AGENTS).map(|id| {
         let initial_state = state(id, 0);
         let start = Pose::new(initial_state.x, initial_state.y, initial_state.orientation);

@@ -59,7 +59,7 @@ impl Bench {
             })
             .collect();
         let goal = Goal {
-            states: vec![GoalState { areas: vec![], time_step: (0, 500), velocity: None, orientation: None }],
+            states: vec![GoalState { areas: [].into(), time_step: (0, 500), velocity: None, orientation: None }],
             pace: None,
         };
         let shape = Shape::rectangle(4.5, 1.8);

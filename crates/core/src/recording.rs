@@ -1,6 +1,6 @@
 //! What happened: states, plans, outcomes and, if requested, visibility intervals. Append-only.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::columns::{coded, table};
 use crate::trajectory::{Plans, State, States};
@@ -122,12 +122,14 @@ pub struct Recording {
     ids: Vec<i64>,
     /// Time step of the first column.
     first_time_step: i64,
-    /// One block of participants per time step.
-    columns: VecDeque<Vec<Option<State>>>,
+    /// Row and state of the participants that are there, per time step.
+    columns: VecDeque<Vec<(usize, State)>>,
     /// Memory of columns of an earlier recording.
-    spare: Vec<Vec<Option<State>>>,
+    spare: Vec<Vec<(usize, State)>>,
     /// Largest number of columns; earlier ones are forgotten.
     columns_max: usize,
+    /// Earlier time steps were handed over.
+    taken: i64,
     plans: Vec<Plans>,
     /// Visibility intervals (first and last time step) by the ids of observer and seen participant.
     sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
@@ -155,14 +157,15 @@ impl Recording {
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
         let (columns, plans, sightings) = (VecDeque::new(), Vec::new(), BTreeMap::new());
         let (spare, waits, entries) = (Vec::new(), BTreeMap::new(), Vec::new());
-        Self { ids, first_time_step, columns, spare, columns_max: usize::MAX, plans, sightings, waits, entries }
+        let (columns_max, taken) = (usize::MAX, first_time_step);
+        Self { ids, first_time_step, columns, spare, columns_max, taken, plans, sightings, waits, entries }
     }
 
     /// Becomes an empty recording of at most `columns_max` columns; memory is reused.
     pub(crate) fn restart(&mut self, ids: &[i64], first_time_step: i64, columns_max: usize) {
         self.ids.clear();
         self.ids.extend_from_slice(ids);
-        (self.first_time_step, self.columns_max) = (first_time_step, columns_max);
+        (self.first_time_step, self.taken, self.columns_max) = (first_time_step, first_time_step, columns_max);
         self.spare.extend(self.columns.drain(..));
         self.plans.clear();
         self.sightings.clear();
@@ -178,17 +181,40 @@ impl Recording {
         } else {
             self.spare.pop().unwrap_or_default()
         };
-        column.clear();
-        column.extend_from_slice(states);
+        write_present(states, &mut column);
         self.columns.push_back(column);
     }
 
     /// The states of the last time step were others.
     pub(crate) fn replace_last(&mut self, states: &[Option<State>]) {
         if let Some(column) = self.columns.back_mut() {
-            column.clear();
-            column.extend_from_slice(states);
+            write_present(states, column);
         }
+    }
+
+    /// Hands over the states since the last call, with the rows of the participants that were there, and the plans that led
+    /// to them. From then on only the last `kept` time steps are there. The last time step, which may still change, is
+    /// handed over only if it is the `end`.
+    pub(crate) fn take(&mut self, kept: usize, end: bool) -> (Vec<usize>, States, Vec<Plans>) {
+        let next = self.first_time_step + self.columns.len() as i64 - i64::from(!end);
+        let skipped = (self.taken - self.first_time_step) as usize;
+        let n_steps = (next - self.taken).max(0) as usize;
+        let columns = self.columns.iter().skip(skipped).take(n_steps);
+        let rows: BTreeSet<usize> = columns.clone().flatten().map(|(row, _)| *row).collect();
+        let rows: Vec<usize> = rows.into_iter().collect();
+        let ids = rows.iter().map(|row| self.ids[*row]).collect();
+        let mut states = States::absent(ids, self.taken, n_steps);
+        for (i, column) in columns.enumerate() {
+            for (row, state) in column {
+                states.set(rows.binary_search(row).expect("collected"), i, state);
+            }
+        }
+        self.taken += n_steps as i64;
+        while self.columns.len() > kept && self.first_time_step < self.taken {
+            self.columns.pop_front();
+            self.first_time_step += 1;
+        }
+        (rows, states, std::mem::take(&mut self.plans))
     }
 
     /// More participants, with ids above all before; they were absent until now.
@@ -198,7 +224,8 @@ impl Recording {
 
     /// State of a row at the last time step.
     pub(crate) fn last_state(&self, row: usize) -> Option<State> {
-        self.columns.back().and_then(|states| states.get(row).copied().flatten())
+        let present = self.columns.back()?;
+        present.binary_search_by_key(&row, |(row, _)| *row).ok().map(|place| present[place].1)
     }
 
     /// Adds the plans that led to the next time step.
@@ -291,11 +318,15 @@ impl Recording {
         let skipped = self.columns.len().saturating_sub(n);
         let offset = n.saturating_sub(self.columns.len());
         for (i, states) in self.columns.iter().skip(skipped).enumerate() {
-            for (row, state) in states.iter().enumerate() {
-                if let Some(state) = state {
-                    table.set(row, offset + i, state);
-                }
+            for (row, state) in states {
+                table.set(*row, offset + i, state);
             }
         }
     }
+}
+
+/// Writes the rows of participants that are there, and their states.
+fn write_present(states: &[Option<State>], column: &mut Vec<(usize, State)>) {
+    column.clear();
+    column.extend(states.iter().enumerate().filter_map(|(row, state)| Some((row, (*state)?))));
 }

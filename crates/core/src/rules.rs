@@ -85,8 +85,8 @@ settings! {
 /// Speed limits along a path.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SpeedLimits {
-    /// Limit [m/s] from every multiple of the spacing on; infinite where there is none.
-    values: Vec<f64>,
+    /// Limit [m/s] from a multiple of the spacing on, where it changes; infinite where there is none.
+    changes: Vec<(usize, f64)>,
 }
 
 impl SpeedLimits {
@@ -109,24 +109,37 @@ impl SpeedLimits {
             highest.or_else(|| near().find(|piece| piece.holds(s)).map(|piece| limit_of(piece.lanelet)))
         };
         let n = (path.length() / SPACING) as usize + 1;
-        Self { values: (0..n).map(|i| limit_at(i).unwrap_or(f64::INFINITY)).collect() }
+        let mut changes: Vec<(usize, f64)> = Vec::new();
+        for i in 0..n {
+            let limit = limit_at(i).unwrap_or(f64::INFINITY);
+            if changes.last().is_none_or(|(_, before)| *before != limit) {
+                changes.push((i, limit));
+            }
+        }
+        changes.shrink_to_fit();
+        Self { changes }
     }
 
     /// The same limit everywhere [m/s].
     #[cfg(test)]
     pub(crate) fn uniform(limit: f64) -> Self {
-        Self { values: vec![limit] }
+        Self { changes: vec![(0, limit)] }
     }
 
     /// There is a limit somewhere.
     pub fn any(&self) -> bool {
-        !self.values.is_empty()
+        !self.changes.is_empty()
     }
 
     /// The limit at an arc length [m/s].
     pub fn at(&self, s: f64) -> f64 {
         let index = (s / SPACING).max(0.0) as usize;
-        self.values.get(index.min(self.values.len().max(1) - 1)).copied().unwrap_or(f64::INFINITY)
+        let behind = match self.changes[..] {
+            [] => return f64::INFINITY,
+            [(_, limit)] => return limit,
+            _ => self.changes.partition_point(|(first, _)| *first <= index),
+        };
+        self.changes[behind - 1].1
     }
 
     /// The limit at an arc length [m], or the nearest one that is stated within a distance [m/s].
@@ -276,7 +289,7 @@ pub struct Rules<'a> {
 
 static NO_CONTROL: LazyLock<Control> = LazyLock::new(Control::default);
 static NO_WAY: Way = Way {
-    limits: SpeedLimits { values: Vec::new() },
+    limits: SpeedLimits { changes: Vec::new() },
     crossings: Vec::new(),
     crosswalks: Vec::new(),
     turnings: Vec::new(),

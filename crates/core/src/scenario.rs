@@ -17,7 +17,7 @@ use crate::vehicle::ParticipantKind;
 #[derive(Debug, Clone, PartialEq)]
 pub struct GoalState {
     /// The centre must lie in one of these areas; empty: anywhere.
-    pub areas: Vec<PlacedShape>,
+    pub areas: Arc<[PlacedShape]>,
     /// First and last time step, both included.
     pub time_step: (i64, i64),
     /// Speed interval [m/s], both ends included.

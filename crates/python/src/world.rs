@@ -8,8 +8,8 @@ use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::recording::{Entry, Outcome, Sighting, Wait};
-use interdrive_core::scene::Scene;
-use interdrive_core::trajectory::{Obstruction, State, States};
+use interdrive_core::scene::{Participants, Scene};
+use interdrive_core::trajectory::{Obstruction, Plans, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, Clock, Outside, Queue, Step, World, WorldSettings};
@@ -64,7 +64,7 @@ fn outside((new, ids, states, jumped): OutsideParts<'_>) -> PyResult<Outside> {
 }
 
 #[pyclass(frozen, name = "Agent", module = "interdrive._core")]
-pub struct PyAgent(pub Agent);
+pub struct PyAgent(pub Arc<Agent>);
 
 #[pymethods]
 impl PyAgent {
@@ -90,7 +90,7 @@ impl PyAgent {
         queue: Option<(i64, i64)>,
     ) -> PyResult<Self> {
         let (x, y, orientation, velocity, acceleration, yaw_rate) = initial_state;
-        Ok(Self(Agent {
+        Ok(Self(Arc::new(Agent {
             id,
             kind: ParticipantKind::from_code(kind).map_err(exception)?,
             shape: Shape::clone(&shape.0),
@@ -105,7 +105,7 @@ impl PyAgent {
             view: read(view)?,
             rules: read(rules)?,
             v2x,
-        }))
+        })))
     }
 }
 
@@ -146,7 +146,7 @@ impl PyWorld {
         messages: &str,
         profile: bool,
     ) -> PyResult<Self> {
-        let agents: Vec<Agent> = agents.iter().map(|agent| agent.0.clone()).collect();
+        let agents: Vec<Arc<Agent>> = agents.iter().map(|agent| Arc::clone(&agent.0)).collect();
         let record_messages = match messages {
             "none" => Logged::None,
             "sent" => Logged::Sent,
@@ -165,7 +165,7 @@ impl PyWorld {
             ..WorldSettings::default()
         };
         let scenario = Arc::clone(&scenario.0);
-        let world = detached(py, || World::new(scenario, agents, settings))?;
+        let world = detached(py, || World::with_shared(scenario, agents, settings))?;
         Ok(Self(world, AtomicU64::new(0)))
     }
 
@@ -333,7 +333,23 @@ impl PyWorld {
 
     /// Participants and their states as a dict of arrays, shape (participants, time_steps).
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        states_dict(py, &self.0)
+        all_states_dict(py, &self.0)
+    }
+
+    /// What was recorded since the last call, which the world forgets: states as `states` gives them, of the participants
+    /// that were there, their `row` among all, and plans; with the present one only at the `end`.
+    fn take_recorded<'py>(&mut self, py: Python<'py>, end: bool) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyDict>)> {
+        let (rows, states, plans) = self.0.take_recorded(end);
+        let dict = states_dict(py, self.0.participants(), states, &rows)?;
+        dict.set_item("row", arrays::row(py, rows.iter().map(|row| *row as i64).collect()))?;
+        Ok((dict, plans_dict(py, &plans)?))
+    }
+
+    /// All participants as `states` gives them, without their states.
+    fn participants<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (participants, time_step) = (self.0.participants(), self.0.time_step());
+        let rows: Vec<usize> = (0..participants.ids.len()).collect();
+        states_dict(py, participants, States::absent(participants.ids.clone(), time_step, 0), &rows)
     }
 
     /// Visibility intervals per observer and participant as a dict of arrays; empty unless the world records views.
@@ -355,7 +371,7 @@ impl PyWorld {
 
     /// All plans as a dict of arrays, one row per time step and agent.
     fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        plans_dict(py, &self.0)
+        plans_dict(py, self.0.recording().plans())
     }
 }
 
@@ -375,17 +391,28 @@ pub fn outcomes_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py,
     Ok(dict)
 }
 
-/// Participants and their states as a dict of arrays, shape (participants, time_steps).
-pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
+/// All participants and their states as a dict of arrays, shape (participants, time_steps).
+pub fn all_states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
     let states = world.recording().states();
-    let participants = world.participants();
+    let rows: Vec<usize> = (0..states.ids.len()).collect();
+    states_dict(py, world.participants(), states, &rows)
+}
+
+/// The participants of some rows and their states as a dict of arrays, shape (participants, time_steps).
+fn states_dict<'py>(
+    py: Python<'py>,
+    participants: &Participants,
+    states: States,
+    rows: &[usize],
+) -> PyResult<Bound<'py, PyDict>> {
     let shape = [states.ids.len(), states.n_steps];
-    let extent: Vec<(f64, f64)> = participants.shape.iter().map(Shape::extent).collect();
+    let extent: Vec<(f64, f64)> = rows.iter().map(|row| participants.shape[*row].extent()).collect();
+    let truths = |of: &[bool]| arrays::row(py, rows.iter().map(|row| of[*row]).collect());
     let dict = PyDict::new(py);
     dict.set_item("first_time_step", states.first_time_step)?;
-    dict.set_item("kind", arrays::row(py, participants.kind.iter().map(|kind| *kind as i64).collect()))?;
-    dict.set_item("is_agent", arrays::row(py, participants.is_agent.clone()))?;
-    dict.set_item("is_static", arrays::row(py, participants.is_static.clone()))?;
+    dict.set_item("kind", arrays::row(py, rows.iter().map(|row| participants.kind[*row] as i64).collect()))?;
+    dict.set_item("is_agent", truths(&participants.is_agent))?;
+    dict.set_item("is_static", truths(&participants.is_static))?;
     dict.set_item("length", arrays::row(py, extent.iter().map(|e| e.0).collect()))?;
     dict.set_item("width", arrays::row(py, extent.iter().map(|e| e.1).collect()))?;
     dict.set_item("ids", arrays::row(py, states.ids))?;
@@ -403,9 +430,8 @@ pub fn states_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, P
     Ok(dict)
 }
 
-/// All plans as a dict of arrays, one row per time step and agent.
-pub fn plans_dict<'py>(py: Python<'py>, world: &World) -> PyResult<Bound<'py, PyDict>> {
-    let plans = world.recording().plans();
+/// Plans as a dict of arrays, one row per time step and agent.
+pub fn plans_dict<'py>(py: Python<'py>, plans: &[Plans]) -> PyResult<Bound<'py, PyDict>> {
     let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
     let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
     let dict = PyDict::new(py);

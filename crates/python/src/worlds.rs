@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use interdrive_core::observation::{LAYERS, ObservationSettings, SIDE};
 use interdrive_core::plan::Planner;
+use interdrive_core::world::Agent;
 use interdrive_core::worlds::{
     Actions, Autoreset, Buffers, Ended, EpisodeSpec, N_TERMS, RewardWeights, Stage, Worlds, WorldsSettings,
 };
@@ -21,7 +22,7 @@ use crate::planner::{PyPlanner, action_space};
 use crate::predictor::PyPredictor;
 use crate::scenario::PyScenario;
 use crate::settings::read;
-use crate::world::{PyAgent, outcomes_dict, plans_dict, states_dict};
+use crate::world::{PyAgent, all_states_dict, outcomes_dict, plans_dict};
 
 #[pyclass(frozen, name = "Stage", module = "interdrive._core")]
 pub struct PyStage(pub Arc<Stage>);
@@ -41,7 +42,7 @@ impl PyStage {
     ) -> PyResult<Self> {
         let learning = learning.map_or(Planner::External, |planner| planner.0.clone());
         let planners = planners.iter().map(|planner| planner.as_ref().map(|planner| planner.0.clone()));
-        let agents: Vec<_> = agents.iter().map(|agent| agent.0.clone()).zip(planners).collect();
+        let agents: Vec<_> = agents.iter().map(|agent| Agent::clone(&agent.0)).zip(planners).collect();
         let scenario = Arc::clone(&scenario.0);
         detached(py, || Stage::new(scenario, agents, &learning)).map(|stage| Self(Arc::new(stage)))
     }
@@ -346,12 +347,12 @@ impl PyWorlds {
 
     /// Participants of a world and their states as a dict of arrays.
     fn states<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        states_dict(py, self.worlds.world(world).map_err(exception)?)
+        all_states_dict(py, self.worlds.world(world).map_err(exception)?)
     }
 
     /// All plans of a world as a dict of arrays.
     fn plans<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        plans_dict(py, self.worlds.world(world).map_err(exception)?)
+        plans_dict(py, self.worlds.world(world).map_err(exception)?.recording().plans())
     }
 }
 

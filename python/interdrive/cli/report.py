@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from rich.console import ConsoleOptions, RenderableType
 
+    from interdrive.array_types import Floats
     from interdrive.config.plugins import Listed
     from interdrive.criticality import Criticality, CriticalMoment
     from interdrive.runs import Run
@@ -203,15 +204,21 @@ def progress(*, quiet: bool) -> Iterator[Report]:
         yield Report(bar)
 
 
-def print_run(run: Run, folder: Path) -> None:
-    """Prints the outcome table, counts, notes, speed, and the path of the results."""
+def print_run(run: Run, folder: Path, harms: Floats | None = None) -> None:
+    """Prints the outcome table, counts, notes, speed, and the path of the results.
+
+    Args:
+        run: The run.
+        folder: Where it is.
+        harms: Harm of each agent; None: from its states.
+    """
     console = output()
     ended = run.outcomes
     shown = list(range(len(ended.agent_id)))
     if len(shown) > _ROWS_MAX:
         shown = [row for row in shown if ended.outcome[row] != "goal_reached"][:_ROWS_MAX]
     if shown:
-        print_table(console, _outcome_table(run, shown), 1)
+        print_table(console, _outcome_table(run, shown, agent_harm(run).harm if harms is None else harms), 1)
     hidden = len(ended.agent_id) - len(shown)
     if hidden:
         console.print(f"{hidden} more in outcomes.parquet", style="dim")
@@ -224,9 +231,8 @@ def print_run(run: Run, folder: Path) -> None:
     print_folder(console, folder)
 
 
-def _outcome_table(run: Run, rows: Sequence[int]) -> Table:
+def _outcome_table(run: Run, rows: Sequence[int], harms: Floats) -> Table:
     ended = run.outcomes
-    harms = agent_harm(run).harm
     several = len(set(ended.planner)) > 1
     table = table_of(
         (
@@ -341,7 +347,8 @@ def _speed(run: Run) -> str:
     steps, index = np.unique(run.timings.time_step, return_inverse=True)
     if not len(steps):
         return "no step was simulated"
-    counted = np.where(np.array(run.timings.phase) == "record", 0.0, run.timings.seconds)
+    is_record = np.fromiter((phase == "record" for phase in run.timings.phase), np.bool_, len(index))
+    counted = np.where(is_record, 0.0, run.timings.seconds)
     seconds = float(np.median(np.bincount(index, weights=counted)))
     factor = run.scenario.dt / seconds if seconds > 0 else float("inf")
     return f"{len(steps)} steps, {1000 * seconds:.1f} ms per step (median), {factor:.3g} times real time"

@@ -27,12 +27,19 @@ from interdrive.errors import InputError, InterdriveError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from interdrive.cli.report import Report
     from interdrive.config.agent_config import PlannersSpec
     from interdrive.config.plugins import Choice
     from interdrive.config.schema import SimulationSettings
     from interdrive.config.specs import PlannerSpec
+    from interdrive.long_runs import WrittenRun
+    from interdrive.run.flows import LaneFlow
     from interdrive.runs import Run
+    from interdrive.simulation import Simulation
 
+
+#: Larger runs are written while they are simulated [B].
+_HELD_MAX = 128e6
 
 #: Additional recordings for a report or the film of an agent; each can be switched off again.
 _RECORDED = {"record.views": True, "record.predictions": True, "record.candidates": 30, "record.messages": "links"}
@@ -131,9 +138,10 @@ def run(
     if not choices.scenario:
         raise InputError("run: no scenario; give a CommonRoad file or the name of a shipped scenario")
 
-    from interdrive.cli.report import print_run, progress  # noqa: PLC0415 - rich
+    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
     from interdrive.config.binding import flatten  # noqa: PLC0415
     from interdrive.files import scenario_file, scenario_parts  # noqa: PLC0415
+    from interdrive.long_runs import write_run  # noqa: PLC0415
     from interdrive.results import RUN_FOLDER, save  # noqa: PLC0415
     from interdrive.runs import RunInterrupted  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
@@ -167,8 +175,14 @@ def run(
             threads=choices.threads,
             on_planner_error="raise" if raises else "end_agent",
         )
+        written = done = None
         try:
-            done = simulation.run(_checking_tables(report.step))
+            if settings.traffic.is_on and _is_streamed(simulation, choices):
+                written = write_run(
+                    simulation, folder, overwrite=choices.overwrite, on_step=_checking_tables(report.step)
+                )
+            else:
+                done = simulation.run(_checking_tables(report.step))
         except RunInterrupted as stop:
             if stop.run.states.n_steps < 2:
                 raise KeyboardInterrupt from None
@@ -181,26 +195,59 @@ def run(
                 raise
             say(traceback.format_exc(), err=True)
             return 1
-        report.say("writing")
-        save(done, folder, overwrite=choices.overwrite)
-        with _kept(folder):
-            _draw(done, folder, choices, report.frames)
-            if choices.report:
-                from interdrive.report import write_run_report  # noqa: PLC0415 - matplotlib
-
-                report.say("writing report.html")
-                write_run_report(folder)
+        if done is not None:
+            _save(done, folder, choices, report)
     if not quiet:
-        print_run(done, shown(folder))
+        _print(done, written, shown(folder))
+    ended = written.run if written is not None else done
+    return 1 if ended is not None and "planner_error" in ended.outcomes.outcome else 0
+
+
+def _save(done: Run, folder: Path, choices: RunChoices, report: Report) -> None:
+    """Writes a run that was held, and what is drawn of it."""
+    from interdrive.results import save  # noqa: PLC0415 - pyarrow
+
+    report.say("writing")
+    save(done, folder, overwrite=choices.overwrite)
+    with _kept(folder):
+        _draw(done, folder, choices, report.frames)
+        if choices.report:
+            from interdrive.report import write_run_report  # noqa: PLC0415 - matplotlib
+
+            report.say("writing report.html")
+            write_run_report(folder)
+
+
+def _print(done: Run | None, written: WrittenRun | None, folder: Path) -> None:
+    """Prints what became of the run, which was held or written meanwhile."""
+    from interdrive.cli.report import print_run  # noqa: PLC0415 - rich
+
+    flows: Sequence[LaneFlow] = ()
+    if written is not None:
+        done, flows = written.run, written.flows
+        print_run(done, folder, written.harm.harm)
+    elif done is not None:
+        print_run(done, folder)
         if done.demand is not None:
-            from interdrive.cli.traffic_report import print_flows  # noqa: PLC0415 - rich
+            from interdrive.run.flows import lane_flows  # noqa: PLC0415 - numpy
 
-            print_flows(done)
-        if done.profile is not None:
-            from interdrive.cli.profile_report import print_costs  # noqa: PLC0415 - rich
+            flows = lane_flows(done)
+    if flows:
+        from interdrive.cli.traffic_report import print_flows  # noqa: PLC0415 - rich
 
-            print_costs(done)
-    return 1 if "planner_error" in done.outcomes.outcome else 0
+        print_flows(flows)
+    if done is not None and done.profile is not None:
+        from interdrive.cli.profile_report import print_costs  # noqa: PLC0415 - rich
+
+        print_costs(done)
+
+
+def _is_streamed(simulation: Simulation, choices: RunChoices) -> bool:
+    """Whether a run is written while it is simulated: it may become large, and nothing needs it as a whole."""
+    from interdrive.long_runs import can_be_streamed, size_at_most  # noqa: PLC0415 - numpy
+
+    draws = choices.png or choices.gif or choices.mp4 or choices.report
+    return not draws and size_at_most(simulation) > _HELD_MAX and can_be_streamed(simulation)
 
 
 def _checking_tables(on_step: Callable[[int, int, int, int], None]) -> Callable[[int, int, int, int], None]:

@@ -62,6 +62,7 @@ def traffic(
     from interdrive.config.binding import bind  # noqa: PLC0415
     from interdrive.config.schema import settings_of  # noqa: PLC0415
     from interdrive.files import run_document, scenario_file  # noqa: PLC0415
+    from interdrive.run.flows import lane_flows  # noqa: PLC0415
     from interdrive.simulation import Simulation  # noqa: PLC0415
     from interdrive.storage import keep_inputs, replacing, resolved  # noqa: PLC0415
 
@@ -92,7 +93,7 @@ def traffic(
             partial.write_bytes(document)
     if quiet:
         return
-    print_flows(run)
+    print_flows(lane_flows(run))
     ids = [problem.id for problem in left_out.scenario.planning_problems]
     if ids:
         say(f"planning problems: {', '.join(map(str, ids))}")

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import say
-from interdrive.run.flows import lane_flows
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from interdrive.run import RunRecord
+    from interdrive.run.flows import LaneFlow
     from interdrive.studies.flow import FlowStudy
 
 #: No more lanes than this are shown.
@@ -21,9 +21,8 @@ _LANES_MAX = 40
 _BEYOND = {"": "", "low": " or less", "high": " or more"}
 
 
-def print_flows(run: RunRecord) -> None:
+def print_flows(rows: Sequence[LaneFlow]) -> None:
     """Prints flow, speed and queues by lane; nothing without generated traffic."""
-    rows = lane_flows(run)
     if not rows:
         return
     console = output()

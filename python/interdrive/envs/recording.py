@@ -11,7 +11,7 @@ from interdrive.envs.engine import Drives
 from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic
 from interdrive.run import Plans, Timings
-from interdrive.run.assemble import agent_record, digest, outcomes_of, states_of
+from interdrive.run.assemble import agent_records, digest, outcomes_of, states_of
 from interdrive.run.reasons import reasons
 from interdrive.runs import Run
 
@@ -64,7 +64,7 @@ def _run_of(engine: Engine) -> Run:
     run = Run(
         scenario=stage.scenario,
         settings=settings,
-        agents=tuple(agent_record(agent, names[agent.id]) for agent in begun),
+        agents=agent_records(begun, names),
         outcomes=outcomes,
         states=states,
         plans=Plans(**worlds.plans(0)),

@@ -15,6 +15,8 @@ from interdrive.storage.tables import read_table, schema_of, write_parquet
 from interdrive.storage.writing import resolved, write_json
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import pyarrow as pa
 
     from interdrive.results.information import RunInformation
@@ -101,8 +103,6 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
     Raises:
         ResultsError: if the folder cannot be used or written; one line with path and cause.
     """
-    from interdrive.files import road_losses, run_document  # noqa: PLC0415 - commonroad-io takes a second to load
-
     inputs = () if run.scenario.path is None else (run.scenario.path,)
     with whole_folder(folder, RUN_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
         rows, origin = {}, origin_of_run(run)
@@ -112,12 +112,26 @@ def save(run: RunRecord, folder: str | Path, *, overwrite: bool = False) -> Path
                 continue
             write_parquet(table, partial / f"{name}.parquet", origin)
             rows[name] = table.num_rows
-        about = information(run)
-        lost = road_losses(run.scenario) if run.scenario.path is None else ()
-        about["notes"] = [*about["notes"], *(f"scenario.xml lacks {line}" for line in lost)]
-        write_json({**about, "rows": rows}, partial / "run.json")
-        (partial / "scenario.xml").write_bytes(run_document(run))
+        write_information(run, partial, rows)
     return resolved(folder)
+
+
+def write_information(run: RunRecord, folder: Path, rows: Mapping[str, int], *, lacks: Sequence[str] = ()) -> None:
+    """Writes run.json and scenario.xml beside the tables of a run.
+
+    Args:
+        run: The run.
+        folder: Where.
+        rows: Number of rows by table.
+        lacks: What scenario.xml does not have.
+    """
+    from interdrive.files import road_losses, run_document  # noqa: PLC0415 - commonroad-io takes a second to load
+
+    about = information(run)
+    lost = road_losses(run.scenario) if run.scenario.path is None else ()
+    about["notes"] = [*about["notes"], *(f"scenario.xml lacks {line}" for line in (*lost, *lacks))]
+    write_json({**about, "rows": rows}, folder / "run.json")
+    (folder / "scenario.xml").write_bytes(run_document(run))
 
 
 def inputs_of(folder: str | Path, run: RunRecord | None = None) -> list[Path]:

@@ -13,40 +13,55 @@ from interdrive.results.columns import COLUMNS
 from interdrive.storage.tables import arrow_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     import pyarrow as pa
     from numpy.typing import NDArray
 
     from interdrive.array_types import Ints
-    from interdrive.run import RunRecord
+    from interdrive.criticality import AgentHarm
+    from interdrive.run import AgentRecord, Plans, RunRecord, States
     from interdrive.run.arrays import Tabular
 
 
-def outcome_table(run: RunRecord) -> pa.Table:
-    """Outcomes of a `run`, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`)."""
+def outcome_table(run: RunRecord, harm: AgentHarm | None = None) -> pa.Table:
+    """Outcomes of a `run`, one row per agent, as an Arrow table (`to_pandas()`, `polars.from_arrow`).
+
+    Args:
+        run: The run.
+        harm: Of its agents; None: from its states.
+    """
     ended = run.outcomes
-    values = {**ended.arrays, **agent_harm(run).arrays, "time_s": _seconds(run, ended.time_step)}
+    found = agent_harm(run) if harm is None else harm
+    values = {**ended.arrays, **found.arrays, "time_s": _seconds(ended.time_step, run.scenario.dt)}
     return arrow_table(COLUMNS["outcomes"], values)
 
 
 def states_table(run: RunRecord) -> pa.Table:
     """One row of a `run` per time step and participant that is present then, in that order, as an Arrow table."""
-    states = run.states
+    return table_of_states(run.states, run.scenario.dt)
+
+
+def table_of_states(states: States, dt: float) -> pa.Table:
+    """The same of states, `dt` [s] apart."""
     step, row = np.nonzero(states.valid.T)
     time_step = states.first_time_step + step
-    times = {"time_step": time_step, "time_s": _seconds(run, time_step)}
+    times = {"time_step": time_step, "time_s": _seconds(time_step, dt)}
     return arrow_table(COLUMNS["states"], {**states.spread(row, step), **times})
 
 
-def _seconds(run: RunRecord, time_step: Ints) -> NDArray[np.float64]:
+def _seconds(time_step: Ints, dt: float) -> NDArray[np.float64]:
     """Time steps in seconds, without the last bits of the multiplication."""
-    return np.round(time_step * run.scenario.dt, 9)
+    return np.round(time_step * dt, 9)
 
 
 def plans_table(run: RunRecord) -> pa.Table:
     """One row of a `run` per plan and point, sorted by time step, agent and point, as an Arrow table."""
-    plans = run.plans
+    return table_of_plans(run.plans)
+
+
+def table_of_plans(plans: Plans) -> pa.Table:
+    """The same of plans."""
     if not plans.x.shape[1]:
         grids = [name for name, column in plans.stored.items() if column.axes == "row and point"]
         nothing: dict[str, Any] = dict.fromkeys(grids, np.full((len(plans.time_step), 1), np.nan))
@@ -64,10 +79,15 @@ def timing_table(run: RunRecord) -> pa.Table:
 
 def routes_table(run: RunRecord) -> pa.Table:
     """The reference paths of all agents of a `run`, one row per point, as an Arrow table."""
-    counts = [len(agent.reference_path) for agent in run.agents]
-    points = np.concatenate([np.empty((0, 2)), *(agent.reference_path for agent in run.agents)])
+    return table_of_routes(run.agents)
+
+
+def table_of_routes(agents: Sequence[AgentRecord]) -> pa.Table:
+    """The same of some agents."""
+    counts = [len(agent.reference_path) for agent in agents]
+    points = np.concatenate([np.empty((0, 2)), *(agent.reference_path for agent in agents)])
     values = {
-        "agent_id": np.repeat(np.array([agent.id for agent in run.agents], dtype=np.int64), counts),
+        "agent_id": np.repeat(np.array([agent.id for agent in agents], dtype=np.int64), counts),
         "point": np.concatenate([np.empty(0, dtype=np.int64), *map(np.arange, counts)]),
         "x": points[:, 0],
         "y": points[:, 1],

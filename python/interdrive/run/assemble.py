@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from interdrive.scenario import KINDS, STATE_FIELDS
 from interdrive.scenario.native import core_shape
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from interdrive.array_types import Floats
     from interdrive.scenario import Scenario
     from interdrive.scenario.agents import Agent
 
@@ -67,25 +68,60 @@ def states_of(raw: dict[str, Any]) -> States:
     return States(participant_id=ids, kinds=kinds, **raw)
 
 
-def agent_record(agent: Agent, planner: str) -> AgentRecord:
-    """The constant properties of an agent."""
-    return AgentRecord(
-        id=agent.id,
-        planner=planner,
-        origin=agent.origin,
-        start_time_step=agent.initial_state.time_step,
-        goal=agent.goal,
-        route_lanelet_ids=tuple(agent.route.lanelet_ids),
-        reference_path=agent.route.reference_path,
-    )
+class FirstState(NamedTuple):
+    """When and how a participant was there for the first time: time step, speed [m/s] and yaw rate [rad/s]."""
+
+    time_step: int
+    velocity: float
+    yaw_rate: float
 
 
-def timings_of(rows: list[tuple[int, list[float]]]) -> Timings:
-    """Wall times in long form, from one row of phases per time step."""
+def first_states(states: States, ids: Iterable[int]) -> dict[int, FirstState]:
+    """The first states of those of some participants that were there, by id."""
+    found = {}
+    for number in ids:
+        row = int(np.searchsorted(states.participant_id, number))
+        if row < len(states.participant_id) and states.participant_id[row] == number and states.valid[row].any():
+            at = row, int(states.valid[row].argmax())
+            motion = float(states.velocity[at]), float(states.yaw_rate[at])
+            found[number] = FirstState(states.first_time_step + at[1], *motion)
+    return found
+
+
+def agent_records(agents: Iterable[Agent], planners: Mapping[int, str]) -> tuple[AgentRecord, ...]:
+    """The constant properties of agents; those with one route share its path.
+
+    Args:
+        agents: The agents.
+        planners: Names of their planners by id.
+    """
+    routes: dict[int, tuple[tuple[int, ...], Floats]] = {}
+    found = []
+    for agent in agents:
+        route = agent.route
+        if id(route) not in routes:
+            routes[id(route)] = tuple(route.lanelet_ids), route.reference_path
+        lanelet_ids, path = routes[id(route)]
+        found.append(
+            AgentRecord(
+                id=agent.id,
+                planner=planners[agent.id],
+                origin=agent.origin,
+                start_time_step=agent.initial_state.time_step,
+                goal=agent.goal,
+                route_lanelet_ids=lanelet_ids,
+                reference_path=path,
+            )
+        )
+    return tuple(found)
+
+
+def timings_of(rows: Floats) -> Timings:
+    """Wall times in long form, from rows of a time step and its phases, shape (time steps, 1 + phases)."""
     return Timings(
-        time_step=np.repeat(np.array([time_step for time_step, _ in rows], dtype=np.int64), len(PHASES)),
+        time_step=np.repeat(rows[:, 0].astype(np.int64), len(PHASES)),
         phase=PHASES * len(rows),
-        seconds=np.array([seconds for _, phases in rows for seconds in phases], dtype=np.float64),
+        seconds=rows[:, 1:].ravel(),
     )
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from interdrive.run.arrays import Demand
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from interdrive.array_types import Bools, Floats
-    from interdrive.run.arrays import Outcomes, States
-    from interdrive.run.record import RunRecord
+    from interdrive.run.arrays import Outcomes
+    from interdrive.run.record import RunRecord, RunSettings
     from interdrive.scenario.agents import Agent
 
 
@@ -46,7 +46,7 @@ class LaneFlow:
 def demand_of(
     agents: Sequence[Agent],
     lanes: tuple[Sequence[int], Sequence[float], Sequence[int], Sequence[float]],
-    states: States,
+    firsts: Mapping[int, int],
     outcomes: Outcomes,
     dt: float,
 ) -> Demand:
@@ -55,8 +55,8 @@ def demand_of(
     Args:
         agents: The vehicles.
         lanes: Lane, time that each is due [s], exit and length of the way [m], by vehicle.
-        states: Of the run until now.
-        outcomes: The same.
+        firsts: Time step at which each is there for the first time, by id.
+        outcomes: Of the run until now.
         dt: Time between steps [s].
     """
     entered, left = np.full(len(agents), np.nan), np.full(len(agents), np.nan)
@@ -64,9 +64,8 @@ def demand_of(
         zip(outcomes.agent_id.tolist(), zip(outcomes.outcome, outcomes.time_step.tolist(), strict=True), strict=True)
     )
     for place, agent in enumerate(agents):
-        there = states.valid[int(np.searchsorted(states.participant_id, agent.id))]
-        if there.any():
-            entered[place] = (states.first_time_step + int(there.argmax())) * dt
+        if agent.id in firsts:
+            entered[place] = firsts[agent.id] * dt
         outcome, time_step = ended[agent.id]
         if outcome in ("goal_reached", "goal_reached_late"):
             left[place] = time_step * dt
@@ -91,15 +90,32 @@ def lane_flows(run: RunRecord, first: float | None = None, last: float | None = 
         first: Begin of the time that counts [s]; None: traffic.warm_up.
         last: Its end [s]; None: traffic.duration, or the end of the run if that is earlier.
     """
-    demand, said = run.demand, run.settings.get("settings", {})
-    if demand is None:
+    begin, end = counted_time(run.settings, first, last)
+    end = min(end, (run.states.first_time_step + run.states.n_steps - 1) * run.scenario.dt)
+    if run.demand is None:
         return ()
-    dt, states = run.scenario.dt, run.states
+    return flows_of(run.demand, _speeds(run, run.demand, begin, end), begin, end, run.scenario.dt)
+
+
+def counted_time(settings: RunSettings, first: float | None = None, last: float | None = None) -> tuple[float, float]:
+    """Begin and end of the time that counts [s] by the settings of a run, unless they are given."""
+    said = settings.get("settings", {})
     begin = float(said.get("traffic.warm_up", 0.0)) if first is None else first  # type: ignore[arg-type]
     end = float(said.get("traffic.duration", np.inf)) if last is None else last  # type: ignore[arg-type]
-    end = min(end, (states.first_time_step + states.n_steps - 1) * dt)
+    return begin, end
+
+
+def flows_of(demand: Demand, speeds: Floats, begin: float, end: float, dt: float) -> tuple[LaneFlow, ...]:
+    """The same from the vehicles.
+
+    Args:
+        demand: The vehicles.
+        speeds: Mean speed of each between the two times [m/s]; nan where it was not there.
+        begin: Begin of the time that counts [s].
+        end: Its end [s].
+        dt: Time between steps [s].
+    """
     hours = max(end - begin, dt) / 3600.0
-    speeds = _speeds(run, demand, begin, end)
 
     def mean(values: Floats) -> float:
         return float(values.mean()) if len(values) else float("nan")

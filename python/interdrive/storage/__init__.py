@@ -34,6 +34,7 @@ from interdrive.storage.origin import Origin, changed_settings, is_of, origin_of
 from interdrive.storage.reading import read_json
 from interdrive.storage.records import Record
 from interdrive.storage.tables import (
+    TableWriter,
     arrow_table,
     column_names,
     joined_tables,
@@ -54,6 +55,7 @@ __all__ = [
     "FolderKind",
     "Origin",
     "Record",
+    "TableWriter",
     "Tabled",
     "absent_where",
     "arrow_table",

@@ -167,17 +167,54 @@ def write_table(table: pa.Table, path: Path, origin: Origin) -> None:
 
 def write_parquet(table: pa.Table, path: Path, origin: Origin) -> None:
     """Writes a table as Parquet, with its origin as metadata of the schema."""
-    import pyarrow as pa  # noqa: PLC0415
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    numbers = [field.name for field in table.schema if pa.types.is_floating(field.type)]
-    named = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    pq.write_table(origin.marked(table), path, **_encoding(table.schema))
+
+
+def _encoding(schema: pa.Schema) -> dict[str, Any]:
+    import pyarrow as pa  # noqa: PLC0415
+
+    numbers = [field.name for field in schema if pa.types.is_floating(field.type)]
+    named = [field.name for field in schema if pa.types.is_dictionary(field.type)]
     # Numbers hardly repeat: splitting their bytes compresses better than looking for repetitions.
-    pq.write_table(
-        origin.marked(table),
-        path,
-        compression="zstd",
-        compression_level=1,
-        use_dictionary=named,
-        use_byte_stream_split=numbers,
-    )
+    return {
+        "compression": "zstd",
+        "compression_level": 1,
+        "use_dictionary": named,
+        "use_byte_stream_split": numbers,
+    }
+
+
+class TableWriter:
+    """Writes a table as Parquet part by part: what is written is no longer held.
+
+    Attributes:
+        num_rows: Number of rows until now.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[Column], origin: Origin) -> None:
+        """Begins the file.
+
+        Args:
+            path: The file.
+            columns: Of all parts.
+            origin: How the table comes about, as far as that is known before it is whole.
+        """
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        schema = schema_of(columns).with_metadata(origin.metadata())
+        self.num_rows = 0
+        self._origin = origin
+        # Least and largest values of every column of every part would grow with the number of parts.
+        self._writer = pq.ParquetWriter(path, schema, write_statistics=False, **_encoding(schema))
+
+    def write(self, part: pa.Table) -> None:
+        """Adds rows."""
+        if part.num_rows:
+            self._writer.write_table(self._origin.marked(part))
+            self.num_rows += part.num_rows
+
+    def close(self) -> None:
+        """Ends the file."""
+        self._writer.close()

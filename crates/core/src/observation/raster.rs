@@ -81,7 +81,7 @@ fn path(observer: &Observer<'_>, frame: &Frame, out: &mut Layer<'_>) {
 
 fn goal(observer: &Observer<'_>, frame: &Frame, out: &mut Layer<'_>) {
     let Some(state) = observer.goal.states.get(observer.table.alternative) else { return };
-    for area in &state.areas {
+    for area in state.areas.iter() {
         for part in area.shape.parts() {
             let corner = |vertex: &Point| pixel(frame.place(area.pose.world_from_body(*vertex)));
             if let [center] = part.vertices.as_slice() {

@@ -42,13 +42,13 @@ impl World {
         let pose = Pose { position: center, orientation: turn };
         let area = PlacedShape { shape: Shape::rectangle(10.0, 3.5), pose };
         let state = GoalState {
-            areas: vec![area],
+            areas: [area].into(),
             time_step: (50, 100),
             velocity: Some((4.0, 12.0)),
             orientation: Some((turn - 0.1, turn + 0.3)),
         };
         let start = Pose { position: moved(Point::new(20.0, 0.0), turn, shift), orientation: turn };
-        let areas: Vec<_> = state.areas.clone();
+        let areas: Vec<_> = state.areas.to_vec();
         let route = find_route(&road, start, 10.0, &areas, &RouteSettings::default()).expect("a straight road");
         Self { road, route, goal: Goal { states: vec![state], pace: None }, turn, shift }
     }

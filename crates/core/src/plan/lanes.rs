@@ -416,7 +416,7 @@ mod tests {
     fn lanes(goal_lane: usize) -> (Arc<RoadNetwork>, Lanes) {
         let road = straight_road(3);
         let pose = Pose::new(150.0, goal_lane as f64 * LANE_WIDTH, 0.0);
-        let areas = vec![PlacedShape { shape: Shape::rectangle(10.0, 3.0), pose }];
+        let areas: Arc<[PlacedShape]> = [PlacedShape { shape: Shape::rectangle(10.0, 3.0), pose }].into();
         let route =
             find_route(&road, Pose::new(20.0, 0.0, 0.0), 10.0, &areas, &RouteSettings::default()).expect("a route");
         let goal = Goal {

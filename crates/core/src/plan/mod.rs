@@ -431,6 +431,7 @@ pub fn plan(
         }
         (Planner::Reference(driver, settings), _) => reference::plan(request, (*driver, settings), memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
+        (Planner::IdmMobil(_), Prepared::Nothing) => refused(request, memory, "its lanes make no path"),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),
         _ => unreachable!("prepared for another planner"),
     })

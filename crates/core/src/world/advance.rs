@@ -95,9 +95,13 @@ impl World {
         entered.into_iter().for_each(|row| self.note_contacts_of(row));
         self.look_at_lights();
         self.recording.push(&self.states);
-        for drive in &self.drives {
+        for drive in &mut self.drives {
             if drive.outcome.kind != OutcomeKind::Running {
                 self.states[drive.row] = None;
+                // Who has just ended may drive on.
+                if drive.outcome.time_step + 1 < self.time_step {
+                    drive.forget();
+                }
             }
         }
         self.file_messages();
@@ -359,7 +363,7 @@ impl World {
     fn look_at_lights_ahead_of(&mut self, index: usize) {
         let drive = &self.drives[index];
         if let Some(state) = self.states[drive.row].filter(|_| drive.is_driving(self.time_step)) {
-            let (way, front) = drive.way_below(&state);
+            let (way, front) = drive.way_below(&state, &self.scenario);
             let lines = drive.lines.looking(&self.lines(drive), way, front, state.velocity.max(0.0));
             self.drives[index].lines = lines;
         }

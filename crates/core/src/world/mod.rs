@@ -39,7 +39,7 @@ use crate::route::Route;
 use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{Participants, Scene, ViewLimits};
-use crate::trajectory::{Predictions, State, Trajectory};
+use crate::trajectory::{Plans, Predictions, State, States, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use entry::Queue;
@@ -116,8 +116,8 @@ impl<T: Clone> Clone for Shared<T> {
 #[derive(Debug, Clone)]
 struct Drive {
     agent: Arc<Agent>,
-    /// What its planner computed before the first step.
-    prepared: Arc<Prepared>,
+    /// What its planner computes once: before the first step, or, for an agent from a queue, when it is first needed.
+    prepared: OnceLock<Arc<Prepared>>,
     /// What the rules of the road say about its reference path.
     way: Arc<Way>,
     /// The conflict zones on its way; empty if it neither obeys orders nor agrees with others.
@@ -178,13 +178,26 @@ impl Drive {
 
     /// What the rules say about the lane in which it is, and the arc length of its front there [m]: agents that change lanes
     /// by themselves are not always in that of the reference path.
-    fn way_below(&self, state: &State) -> (&Way, f64) {
+    fn way_below(&self, state: &State, scenario: &Scenario) -> (&Way, f64) {
         let vehicle = &self.agent.vehicle;
         let pose = state.pose();
         let axle = Pose { position: vehicle.rear_axle_from_center(pose), ..pose };
-        let found = self.prepared.way_below(axle);
+        let found = self.prepared(scenario).way_below(axle);
         let to_front = vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         found.map_or_else(|| (&*self.way, self.front()), |(way, s)| (way, s + to_front))
+    }
+
+    /// What its planner computes once.
+    fn prepared(&self, scenario: &Scenario) -> &Prepared {
+        let made = || Arc::new(staging::prepared(&self.agent, scenario).unwrap_or(Prepared::Nothing));
+        self.prepared.get_or_init(made)
+    }
+
+    /// Gives back memory that an agent which has left does not need; only vehicles from queues come in large numbers.
+    fn forget(&mut self) {
+        if self.agent.queue.is_some() {
+            (self.prepared, self.plan) = (OnceLock::new(), None);
+        }
     }
 
     /// Last time step of the grace period.
@@ -281,12 +294,19 @@ impl World {
     /// # Errors
     /// `InvalidInput` naming the agent or field: an id twice, an initial state that is not a number, an agent that
     /// starts before the first time step or whose planner needs a recording that is not there, impossible settings.
-    pub fn new(scenario: Arc<Scenario>, mut agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
+    pub fn new(scenario: Arc<Scenario>, agents: Vec<Agent>, settings: WorldSettings) -> Result<Self> {
+        Self::with_shared(scenario, agents.into_iter().map(Arc::new).collect(), settings)
+    }
+
+    /// The same with agents that are known elsewhere, too: thousands need not be copied.
+    ///
+    /// # Errors
+    /// As [`World::new`].
+    pub fn with_shared(scenario: Arc<Scenario>, mut agents: Vec<Arc<Agent>>, settings: WorldSettings) -> Result<Self> {
         agents.sort_by_key(|agent| agent.id);
         let mut world = Self::empty(Arc::clone(&scenario), settings)?;
         check_agents(&agents, scenario.obstacles.states.first_time_step)?;
-        let staged: Vec<StagedAgent> =
-            agents.into_iter().map(|agent| StagedAgent::new(agent, &scenario)).collect::<Result<_>>()?;
+        let staged = staging::staged(&agents, &scenario, &world.threads)?;
         let first_time_step = scenario.obstacles.states.first_time_step;
         world.restart(&scenario, &staged, first_time_step);
         Ok(world)
@@ -310,6 +330,14 @@ impl World {
     /// What has happened.
     pub fn recording(&self) -> &Recording {
         &self.recording
+    }
+
+    /// Hands over the states since the last call, with the rows of the participants that were there, and the plans that led
+    /// to them; only as much of the past stays as agents look back. The present, which may still change, is handed over
+    /// only if it is the `end`.
+    pub fn take_recorded(&mut self, end: bool) -> (Vec<usize>, States, Vec<Plans>) {
+        let kept = self.settings.step.history_at(self.scenario.dt).max(staging::HISTORY_MIN) + 1;
+        self.recording.take(kept, end)
     }
 
     /// Agents in the order of their ids.
@@ -467,7 +495,7 @@ impl World {
         let drive = &mut self.drives[index];
         let planner = Planner::Reference(driver, ReferenceDriving::default());
         drive.agent = Arc::new(Agent { planner, ..Agent::clone(&drive.agent) });
-        (drive.prepared, drive.alertness) = (Arc::new(Prepared::Nothing), Shared::default());
+        (drive.prepared, drive.alertness) = (OnceLock::from(Arc::new(Prepared::Nothing)), Shared::default());
         Ok(())
     }
 

@@ -167,8 +167,8 @@ impl World {
         for (place, drive) in obeying.iter().enumerate().filter_map(|(place, drive)| Some((place, (*drive)?))) {
             seen[place].reserve(scene.present.len());
             scene.see(drive.row, &drive.agent.view, &positions, &mut seen[place]);
-            let (way, front) =
-                self.states[drive.row].map_or((&*drive.way, drive.front()), |state| drive.way_below(&state));
+            let (way, front) = self.states[drive.row]
+                .map_or((&*drive.way, drive.front()), |state| drive.way_below(&state, &self.scenario));
             goes_last[place] = self.lines(drive).turns_on_red(way, front);
             let sees = |body: usize| seen[place].binary_search(&place_of[body]).is_ok();
             unseen[place] = self.unseen(&scene, drive, goes_last[place], &sees, (&bodies, &rows));

@@ -84,7 +84,7 @@ impl World {
         let prediction_index = PredictionIndex::of(table, &crowd.positions);
         let level = self.on_its_storey(drive, &others, table);
         let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), &prediction_index));
-        Ok(plan::candidates(&drive.agent.planner, &drive.prepared, &request))
+        Ok(plan::candidates(&drive.agent.planner, drive.prepared(&self.scenario), &request))
     }
 
     /// Rows of the agents, those whose last plans took most work first: what begins last should not take longest. Nothing
@@ -125,18 +125,18 @@ impl World {
             (Planner::Frenet(settings), Some(weights)) => {
                 let planner = Planner::Frenet(Box::new(FrenetSettings { weights, ..**settings }));
                 memory.cost_breakdown().enabled = true;
-                let plan = plan::plan(&planner, &drive.prepared, &request, memory);
+                let plan = plan::plan(&planner, drive.prepared(&self.scenario), &request, memory);
                 let breakdown = std::mem::take(memory.cost_breakdown());
                 *drive.terms.lock() = breakdown.terms;
                 plan
             }
             (planner @ Planner::Reference(..), _) => {
                 memory.alertness = drive.alertness.lock().at(self.time_step);
-                let plan = plan::plan(planner, &drive.prepared, &request, memory);
+                let plan = plan::plan(planner, drive.prepared(&self.scenario), &request, memory);
                 drive.alertness.lock().note(self.time_step, memory.alertness);
                 plan
             }
-            (planner, _) => plan::plan(planner, &drive.prepared, &request, memory),
+            (planner, _) => plan::plan(planner, drive.prepared(&self.scenario), &request, memory),
         };
         drive.effort.0.store(memory.effort(), Ordering::Relaxed);
         others.clear();

@@ -1,7 +1,8 @@
 //! How a world begins: agents with their precomputed data, and the participants.
 
-use std::collections::BTreeSet;
-use std::sync::{Arc, OnceLock};
+use std::borrow::Borrow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::standstill::recording_end;
 use super::{Agent, Drive, Effort, Shared, StepMemory, Threads, World, WorldSettings, ordering, people};
@@ -11,18 +12,20 @@ use crate::plan::{Planner, Prepared};
 use crate::predict;
 use crate::recording::{Outcome, Recording};
 use crate::right_of_way::{Course, Memory};
+use crate::route::Route;
 use crate::rules::{LineMemory, Way};
 use crate::scenario::Scenario;
 use crate::scene::{Participants, Storeys};
 
 /// Past time steps that a scene needs so that speeds can be observed.
-const HISTORY_MIN: usize = 3;
+pub(super) const HISTORY_MIN: usize = 3;
 
 /// An agent with the data precomputed before the first step.
 #[derive(Debug, Clone)]
 pub(crate) struct StagedAgent {
     pub(crate) agent: Arc<Agent>,
-    prepared: Arc<Prepared>,
+    /// `None`: it is made when it is first needed.
+    prepared: Option<Arc<Prepared>>,
     pub(crate) way: Arc<Way>,
     course: Arc<Course>,
     /// Arc length of its rear axle on the reference path when it enters [m].
@@ -33,10 +36,20 @@ impl StagedAgent {
     /// # Errors
     /// `InvalidInput` if its planner needs a recording that is not there.
     pub(crate) fn new(agent: Agent, scenario: &Scenario) -> Result<Self> {
-        let way = Arc::new(Way::along(&agent.route.path, &agent.route.pieces, scenario, &agent.rules));
+        let way = Arc::new(way(&agent, scenario));
+        Self::on(way, Arc::new(agent), scenario)
+    }
+
+    /// The same, on the way of its route. What the planner computes for vehicles from queues waits until they enter: of
+    /// thousands only some are there at the same time.
+    fn on(way: Arc<Way>, agent: Arc<Agent>, scenario: &Scenario) -> Result<Self> {
         let start_s = axle_s(&agent, agent.route.start_s);
         let course = Arc::new(ordering::course(&agent, scenario, &way));
-        Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), way, course, start_s, agent: Arc::new(agent) })
+        let prepared = match agent.queue {
+            Some(_) => None,
+            None => Some(Arc::new(prepared(&agent, scenario)?)),
+        };
+        Ok(Self { prepared, way, course, start_s, agent })
     }
 
     /// The same agent with a planner of its own; route and way stay.
@@ -45,7 +58,7 @@ impl StagedAgent {
     /// As [`StagedAgent::new`].
     pub(crate) fn driven_by(&self, planner: &Planner, scenario: &Scenario) -> Result<Self> {
         let agent = Agent { planner: planner.clone(), ..Agent::clone(&self.agent) };
-        Ok(Self { prepared: Arc::new(prepared(&agent, scenario)?), agent: Arc::new(agent), ..self.clone() })
+        Ok(Self { prepared: Some(Arc::new(prepared(&agent, scenario)?)), agent: Arc::new(agent), ..self.clone() })
     }
 
     /// The same agent, entering elsewhere or at another time; its route stays.
@@ -55,9 +68,9 @@ impl StagedAgent {
     pub(crate) fn entering(&self, agent: Agent, scenario: &Scenario) -> Result<Self> {
         let near = agent.route.path.project(agent.initial_state.pose().position).map_or(self.start_s, |foot| foot.0);
         let start_s = axle_s(&agent, near);
-        let prepared = match &*self.prepared {
-            Prepared::RecordedPath(_) => Arc::new(prepared(&agent, scenario)?),
-            _ => Arc::clone(&self.prepared),
+        let prepared = match self.prepared.as_deref() {
+            Some(Prepared::RecordedPath(_)) => Some(Arc::new(prepared(&agent, scenario)?)),
+            _ => self.prepared.clone(),
         };
         let (way, course) = (Arc::clone(&self.way), Arc::clone(&self.course));
         Ok(Self { prepared, way, course, start_s, agent: Arc::new(agent) })
@@ -71,7 +84,42 @@ fn axle_s(agent: &Agent, center_s: f64) -> f64 {
     agent.route.path.project_near(axle, center_s, window).map_or(center_s, |foot| foot.0)
 }
 
-fn prepared(agent: &Agent, scenario: &Scenario) -> Result<Prepared> {
+/// What the rules say along the route of an agent.
+fn way(agent: &Agent, scenario: &Scenario) -> Way {
+    Way::along(&agent.route.path, &agent.route.pieces, scenario, &agent.rules)
+}
+
+/// Agents with the data precomputed before the first step, by all threads. Those with one route and the same rules share
+/// their way.
+///
+/// # Errors
+/// As [`StagedAgent::new`], of the first agent that has any.
+pub(super) fn staged(agents: &[Arc<Agent>], scenario: &Scenario, threads: &Threads) -> Result<Vec<StagedAgent>> {
+    let mut firsts: Vec<usize> = Vec::new();
+    let mut by_route: BTreeMap<*const Route, Vec<usize>> = BTreeMap::new();
+    let mut way_of = Vec::with_capacity(agents.len());
+    for (place, agent) in agents.iter().enumerate() {
+        let known = by_route.entry(Arc::as_ptr(&agent.route)).or_default();
+        let same = known.iter().find(|number| agents[firsts[**number]].rules == agent.rules).copied();
+        way_of.push(same.unwrap_or_else(|| {
+            firsts.push(place);
+            known.push(firsts.len() - 1);
+            firsts.len() - 1
+        }));
+    }
+    let ways = each(threads, firsts.len(), |number| Arc::new(way(&agents[firsts[number]], scenario)));
+    let made = |place: usize| StagedAgent::on(Arc::clone(&ways[way_of[place]]), Arc::clone(&agents[place]), scenario);
+    each(threads, agents.len(), made).into_iter().collect()
+}
+
+/// What `work` returns for every number below `n`, by all threads.
+fn each<T: Send>(threads: &Threads, n: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let made: Vec<Mutex<Option<T>>> = (0..n).map(|_| Mutex::new(None)).collect();
+    threads.each(n, |_, i| *made[i].lock().unwrap_or_else(PoisonError::into_inner) = Some(work(i)));
+    made.into_iter().filter_map(|one| one.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
+}
+
+pub(super) fn prepared(agent: &Agent, scenario: &Scenario) -> Result<Prepared> {
     let Agent { id, start_time_step, planner, vehicle, route, goal, rules, .. } = agent;
     Prepared::new(planner, (*id, *start_time_step), vehicle, (route, goal), (scenario, rules))
 }
@@ -127,7 +175,7 @@ impl World {
         self.drives.clear();
         let ids = &scenario.obstacles.states.ids;
         self.drives.extend(agents.iter().map(|staged| Drive {
-            prepared: Arc::clone(&staged.prepared),
+            prepared: staged.prepared.clone().map_or_else(OnceLock::new, OnceLock::from),
             way: Arc::clone(&staged.way),
             course: Arc::clone(&staged.course),
             memory: Memory::default(),
@@ -178,13 +226,13 @@ impl World {
 }
 
 /// Ids are unique, numbers possible, and no agent starts before the scenario.
-pub(crate) fn check_agents(agents: &[Agent], first_time_step: i64) -> Result<()> {
+pub(crate) fn check_agents(agents: &[impl Borrow<Agent>], first_time_step: i64) -> Result<()> {
     for pair in agents.windows(2) {
-        if pair[0].id == pair[1].id {
-            return Err(Error::invalid(format!("agent {} occurs twice", pair[0].id)));
+        if pair[0].borrow().id == pair[1].borrow().id {
+            return Err(Error::invalid(format!("agent {} occurs twice", pair[0].borrow().id)));
         }
     }
-    for agent in agents {
+    for agent in agents.iter().map(Borrow::borrow) {
         let id = agent.id;
         if !agent.initial_state.is_possible() {
             return Err(Error::invalid(format!(

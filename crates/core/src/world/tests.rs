@@ -26,7 +26,7 @@ fn at(x: f64, y: f64, velocity: f64) -> State {
 /// The stretch of the lane between two places, in an interval of time steps.
 fn stretch(from: f64, to: f64, time_step: (i64, i64)) -> GoalState {
     let area = PlacedShape { shape: Shape::rectangle(to - from, 3.5), pose: Pose::new(0.5 * (from + to), 0.0, 0.0) };
-    GoalState { areas: vec![area], time_step, velocity: None, orientation: None }
+    GoalState { areas: [area].into(), time_step, velocity: None, orientation: None }
 }
 
 /// Far away, in time.

@@ -101,7 +101,7 @@ fn recorded(document: &str) -> (Obstacles, Vec<Proposal>) {
         let last = drive.last().expect("a recording");
         let area = PlacedShape { shape: Shape::rectangle(GOAL_SIZE.0, GOAL_SIZE.1), pose: last.pose() };
         let time_step = (1, drive.len() as i64 + 9);
-        let goal = GoalState { areas: vec![area], time_step, velocity: None, orientation: None };
+        let goal = GoalState { areas: [area].into(), time_step, velocity: None, orientation: None };
         proposals.push(Proposal { id: id(text), kind, size, state: drive[0], goal });
         kinds.push(kind);
         shapes.push(Shape::rectangle(size.0, size.1));
@@ -125,7 +125,7 @@ fn problem(text: &str, areas: &[(i64, Shape)]) -> Proposal {
     };
     let step = |tag| number(inside(inside(goal, "time"), tag)) as i64;
     let time_step = (step("intervalStart"), step("intervalEnd"));
-    let goal = GoalState { areas: vec![area], time_step, velocity: None, orientation: None };
+    let goal = GoalState { areas: [area].into(), time_step, velocity: None, orientation: None };
     let state = state(inside(text, "initialState"));
     Proposal { id: id(text), kind: ParticipantKind::Car, size: (4.508, 1.61), state, goal }
 }

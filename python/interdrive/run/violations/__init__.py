@@ -18,7 +18,9 @@ from interdrive.run.violations.passing import Standing, recorded_standing, stand
 from interdrive.run.violations.ways import Ways
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Set
+    from collections.abc import Collection, Mapping, Sequence, Set
+
+    from numpy.typing import NDArray
 
     from interdrive import _core
     from interdrive.run.record import RunRecord
@@ -29,7 +31,7 @@ _KINDS: Mapping[str, type] = {
     **dict.fromkeys(("x", "y", "value"), np.float64),
 }
 
-__all__ = ["violations"]
+__all__ = ["joined", "recorded_violations", "violations"]
 
 
 def violations(
@@ -38,6 +40,7 @@ def violations(
     areas: Mapping[str, Any],
     obeying: Collection[int],
     entries: Mapping[str, Any],
+    judged: Collection[int] | None = None,
 ) -> Violations:
     """All violations of a run, sorted by source, participant, rule and time.
 
@@ -50,15 +53,42 @@ def violations(
         areas: What ways share, as `_core.Scenario.junctions` tells.
         obeying: Ids of the agents that enter junctions when they are told to.
         entries: When they did, as `_core.World.entries` tells.
+        judged: Only these participants are judged, and no recordings; None: all are.
     """
     ended = run.outcomes
     pairs = [(int(i), int(j)) for i, j in zip(ended.agent_id, ended.partner_id, strict=True) if j >= 0]
     collisions = {*pairs, *((j, i) for i, j in pairs)}
     entered = zip(*(entries[name].tolist() for name in ("agent_id", "area", "granted")), strict=True)
     told = Told({*obeying}, {(agent, area) for agent, area, granted in entered if not granted})
-    rows = _broken(driven(run), standing(run, road), people(run), run, road, areas, collisions, told)
+    rows = _broken(driven(run, judged), standing(run, road), people(run), run, road, areas, collisions, told)
+    if judged is None:
+        rows += _of_recordings(run, road, areas)
+    return _sorted(rows)
+
+
+def recorded_violations(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]) -> Violations:
+    """Violations of the recordings of agents alone; of the states of the run only what never changes is read."""
+    return _sorted(_of_recordings(run, road, areas))
+
+
+def joined(parts: Sequence[Violations]) -> Violations:
+    """Violations of several parts of a run, each of other participants or times, sorted as those of the whole."""
+    names = [name for name in Row._fields if name in Violations.stored]
+    columns = [[getattr(part, name) for name in names] for part in parts]
+    rows = [Row(*values) for part in columns for values in zip(*(_plain(column) for column in part), strict=True)]
+    return _sorted(rows)
+
+
+def _plain(column: NDArray[Any] | tuple[str, ...]) -> Sequence[Any]:
+    return column if isinstance(column, tuple) else column.tolist()
+
+
+def _of_recordings(run: RunRecord, road: _core.RoadNetwork, areas: Mapping[str, Any]) -> list[Row]:
     still, walking = recorded_standing(run, road), recorded_people(run)
-    rows += _broken(recorded(run), still, walking, run, road, areas, set(), Told(set(), set()))
+    return _broken(recorded(run), still, walking, run, road, areas, set(), Told(set(), set()))
+
+
+def _sorted(rows: list[Row]) -> Violations:
     rows.sort(key=lambda row: (Violations.SOURCES.index(row.source), row.participant_id, VIOLATIONS.index(row.rule)))
     return Violations(
         source=tuple(row.source for row in rows),

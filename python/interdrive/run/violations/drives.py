@@ -11,6 +11,8 @@ import numpy as np
 from interdrive import _core
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from interdrive.array_types import Bools, Floats, Ints
     from interdrive.run.record import RunRecord
 
@@ -101,12 +103,17 @@ class Drives:
         return Row(self.sources[k], int(self.ids[k]), rule, first, last, lanelet, partner, x, y, value)
 
 
-def driven(run: RunRecord) -> Drives:
-    """Agents and replayed vehicles of a run."""
+def driven(run: RunRecord, judged: Collection[int] | None = None) -> Drives:
+    """Agents and replayed vehicles of a run; only those of `judged` are judged, or all for None."""
     states = run.states
     rows = np.flatnonzero(np.isin(states.kinds, _VEHICLES) & ~states.is_static)
     return Drives(
-        sources=tuple("agent" if is_agent else "replayed" for is_agent in states.is_agent[rows].tolist()),
+        sources=tuple(
+            ("agent" if is_agent else "replayed") if judged is None or number in judged else ""
+            for is_agent, number in zip(
+                states.is_agent[rows].tolist(), states.participant_id[rows].tolist(), strict=True
+            )
+        ),
         ids=states.participant_id[rows],
         kinds=tuple(states.kinds[row] for row in rows),
         first_time_step=states.first_time_step,

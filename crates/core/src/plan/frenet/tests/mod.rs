@@ -70,7 +70,7 @@ pub(in crate::plan) struct Drive {
 /// Somewhere, at any time in the next 100 s.
 fn anywhere() -> Goal {
     Goal {
-        states: vec![GoalState { areas: vec![], time_step: (0, 1000), velocity: None, orientation: None }],
+        states: vec![GoalState { areas: [].into(), time_step: (0, 1000), velocity: None, orientation: None }],
         pace: None,
     }
 }
@@ -130,7 +130,7 @@ impl Drive {
     ) -> Self {
         let middle = self.route.path.at(0.5 * (s.0 + s.1));
         let pose = Pose { position: middle.position, orientation: middle.theta };
-        let areas = vec![PlacedShape { shape: Shape::rectangle(s.1 - s.0, 3.5), pose }];
+        let areas = [PlacedShape { shape: Shape::rectangle(s.1 - s.0, 3.5), pose }].into();
         self.goal = Goal { states: vec![GoalState { areas, time_step, velocity, orientation: None }], pace: None };
         (self.route.goal_entry_s, self.route.goal_exit_s) = s;
         self

@@ -1,0 +1,112 @@
+"""Runs that are written while they are simulated are those that are held until their end."""
+
+from dataclasses import fields
+from functools import cache
+
+import numpy as np
+import pytest
+
+import interdrive as idr
+from interdrive import long_runs
+from interdrive.long_runs import write_run
+from interdrive.results import read_results
+from interdrive.run.flows import lane_flows
+from interdrive.simulation import Simulation
+
+CASES = {
+    "t_junction": {"agents": "all", "traffic": "idm,rate=500,duration=15"},
+    "signals": {"agents": 0, "traffic": "idm,rate=200,density=5,duration=10"},
+    "highway": {"agents": 3, "traffic": "idm_mobil,rate=900,duration=5"},
+}
+
+
+def simulation(name, **others):
+    chosen = {"predictor": "lane_following", "seed": 3, "threads": 1, **CASES[name], **others}
+    return Simulation(name, **chosen)
+
+
+def tables_of(folder):
+    """All tables but times, as lists by column."""
+    found = read_results(folder)
+    names = [one.name for one in fields(found) if one.name not in ("info", "missing", "timing")]
+    tables = {name: getattr(found, name) for name in names}
+    return {name: table.to_pydict() for name, table in tables.items() if table is not None}
+
+
+@pytest.fixture(scope="module")
+def held():
+    """Runs that are held, each simulated once."""
+    return cache(lambda name: simulation(name).run())
+
+
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Parts so small that a short run has many, and vehicles that stay for long."""
+    monkeypatch.setattr(long_runs, "_PART", 7)
+    monkeypatch.setattr(long_runs, "_BATCH", 3)
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.usefixtures("small_parts")
+def test_a_run_is_the_same_whether_it_is_held_or_written(name, held, tmp_path):
+    held = held(name)
+    held.save(tmp_path / "held")
+    written = write_run(simulation(name), tmp_path / "written")
+    assert written.run.digest == held.digest
+    assert tables_of(tmp_path / "written") == tables_of(tmp_path / "held")
+    for one, other in zip(written.flows, lane_flows(held), strict=True):
+        assert (one.lane_id, one.vehicles, one.queue) == (other.lane_id, other.vehicles, other.queue)
+        assert one.speed == pytest.approx(other.speed, nan_ok=True)
+
+
+@pytest.mark.usefixtures("small_parts")
+def test_vehicles_that_stay_for_long_are_judged_in_pieces(held, tmp_path, monkeypatch):
+    held = held("t_junction")
+    monkeypatch.setattr(long_runs, "_PIECE", 2.0)
+    monkeypatch.setattr(long_runs, "_MARGIN", 30.0)
+    written = write_run(simulation("t_junction"), tmp_path / "written")
+    assert written.run.digest == held.digest
+    assert len(held.violations.rule) > 0
+    for name in ("source", "rule"):
+        assert getattr(written.run.violations, name) == getattr(held.violations, name)
+    np.testing.assert_array_equal(written.run.violations.first_time_step, held.violations.first_time_step)
+    assert written.run.outcomes.outcome == held.outcomes.outcome
+
+
+def test_an_interrupted_run_is_stored_until_then_and_an_error_leaves_nothing(tmp_path):
+    def interrupt(time_step, *_):
+        if time_step == 23:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="the run until then is in"):
+        write_run(simulation("highway"), tmp_path / "until", on_step=interrupt)
+    found = read_results(tmp_path / "until")
+    assert not found.info["finished"]
+    assert found.states["time_step"].to_numpy().max() == 23
+    assert "running" in found.outcomes["outcome"].to_pylist()
+
+    def fail(*_):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write_run(simulation("highway"), tmp_path / "fails", on_step=fail)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["until"]
+
+
+def test_a_run_that_records_more_than_states_is_refused(tmp_path):
+    with pytest.raises(idr.InputError, match="cannot be streamed"):
+        write_run(simulation("highway", settings={"record.views": True}), tmp_path / "views")
+
+
+def test_memory_does_not_grow_with_vehicles_that_have_left():
+    one = simulation("highway")
+    sizes = []
+    for _ in range(6):
+        for _ in range(10):
+            one.step()
+        taken, plans = one.world.take_recorded(False)
+        sizes.append((taken["x"].shape[1], len(plans["agent_id"]), one.world.states()["x"].shape[1]))
+    assert [size[0] for size in sizes] == [10] * 6
+    assert sizes[0][1] > 0
+    # Planners look back by a few seconds.
+    assert max(size[2] for size in sizes) == sizes[-1][2] < 40
