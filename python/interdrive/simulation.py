@@ -137,6 +137,8 @@ class Simulation:
         self._agents_wanted = normalized(agents)
         if self.settings.traffic.is_on and self.scenario.sumo is not None:
             raise InputError(f"{self.scenario.name}: SUMO makes its traffic; leave out --traffic")
+        if self.scenario.sumo is not None and self._agents_wanted == 0:
+            raise InputError(f"{self.scenario.name}: SUMO drives around agents, of which at least one is needed")
         if self.settings.traffic.is_on and self._agents_wanted == 0:
             self.scenario = map_alone(self.scenario)
         road_settings = self.settings.road

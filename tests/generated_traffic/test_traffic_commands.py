@@ -1,5 +1,7 @@
 """Traffic on the command line."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -27,6 +29,28 @@ def test_run_prints_flows_by_lane_and_verify_repeats_it(tmp_path):
     assert "goal_reached" in done.output
     assert (tmp_path / "made/demand.parquet").is_file()
     assert call("verify", "made").exit_code == 0
+
+
+def test_a_run_that_may_become_large_is_written_meanwhile_and_repeats(tmp_path, monkeypatch):
+    monkeypatch.setattr("interdrive.cli.run._HELD_MAX", 0)
+    traffic = "idm,rate=300,duration=10,mix=[1,0,0]"
+    done = call("run", "t_junction", "--agents", 0, "--traffic", traffic, "--out", "made", *QUICK)
+    assert done.exit_code == 0, done.output
+    assert "generated traffic by lane" in done.output
+    assert "which are in states.parquet" in (tmp_path / "made/run.json").read_text(encoding="utf-8")
+    assert call("verify", "made").exit_code == 0
+    again = call("run", "t_junction", "--agents", 0, "--traffic", traffic, "--out", "made", *QUICK)
+    assert (again.exit_code, again.output.count("\n")) == (2, 1)
+
+
+def test_scenarios_of_sumo_need_its_extra(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    folder = Path(__file__).parents[1] / "sumo/crossing"
+    done = call("run", folder, "--agents", "problems", "--out", "made", *QUICK)
+    assert (done.exit_code, done.output) == (
+        2,
+        "error: SUMO scenarios need the extra: pip install 'interdrive[sumo]'\n",
+    )
 
 
 def test_traffic_writes_a_scenario_that_can_be_run():

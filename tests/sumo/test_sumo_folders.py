@@ -113,6 +113,11 @@ def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
     assert "\n" not in str(refused.value)
 
 
+def test_it_needs_an_agent(crossing):
+    with pytest.raises(idr.InputError, match="SUMO drives around agents, of which at least one is needed"):
+        idr.simulate(crossing, agents=0)
+
+
 def test_generated_traffic_is_refused_beside_it(crossing):
     with pytest.raises(InputError, match="SUMO makes its traffic; leave out --traffic"):
         idr.simulate(crossing, traffic="rate=600")
