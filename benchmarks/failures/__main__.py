@@ -138,7 +138,7 @@ def searches(folders: list[str]) -> tuple[list[list[str]], list[list[str]]]:
     failures = [
         [
             f"`{one.planner}`",
-            failure.signature.split()[0],
+            failure.scenario or failure.signature.split()[0],
             str(failure.drive.agent_id),
             failure.failure,
             failure.words.removeprefix("at fault: "),

@@ -176,7 +176,7 @@ def test_the_page_of_a_search_has_every_failure_with_its_film_its_runs_and_the_y
     page = (folder / "report.html").read_text()
     for one in done[0].failures:
         name = one.folder.name
-        assert f"{name}: agent {AGENT}, ran_into" in page
+        assert f"{name}: leader, agent {AGENT}, ran_into" in page
         for part in ("run/report.html", "witness/report.html", "failure.gif"):
             assert f'"failures/{name}/{part}"' in page
             assert (folder / "failures" / name / part).stat().st_size > 0

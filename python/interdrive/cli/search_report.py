@@ -31,7 +31,7 @@ def print_found(found: Found, out: Path) -> None:
         say(f"{name} fails without any disturbance")
     for one in found.failures:
         avoided = f"{one.witness} avoids it" if one.witness else "unproven: none of the tried drivers avoids it"
-        say(f"{one.folder.name}: agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
+        say(f"{one.folder.name}: {one.scenario}, agent {one.drive.agent_id}, {one.failure}: {one.words}; {avoided}")
         say(f"     {one.disturbance}" + ("" if one.is_small else UNSHRUNK))
     table = table_of(YIELD_HEAD, right=YIELD_HEAD[1:])
     for part in found.yields:

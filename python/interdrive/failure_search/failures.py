@@ -48,6 +48,7 @@ class Failure:
         digest: Of the run.
         signature: Failures with the same one are alike.
         version: Of interdrive.
+        scenario: Name of the recording.
         is_small: Its disturbance was made as small as it can be; otherwise the search ended, or was lost, before.
     """
 
@@ -60,6 +61,7 @@ class Failure:
     digest: str
     signature: str
     version: str
+    scenario: str = ""
     is_small: bool = True
 
     @property
@@ -132,7 +134,7 @@ def read_failure(folder: str | Path) -> Failure:
         stored = read_json(path)
         drive = stored["drive"]
         texts = {name: str(stored[name]) for name in _TEXTS}
-        is_small = bool(stored.get("is_small", True))
+        scenario, is_small = str(stored.get("scenario", "")), bool(stored.get("is_small", True))
         others = {int(number): str(planner) for number, planner in drive["others"].items()}
         made = Drive(
             tuple(int(number) for number in drive["agents"]),
@@ -148,7 +150,7 @@ def read_failure(folder: str | Path) -> Failure:
         raise ResultsError(f"{folder}: not the folder of a failure: there is no {_FILE}") from None
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as cause:
         raise ResultsError(f"{path}: damaged ({cause!r})") from None
-    return Failure(Path(folder), made, **texts, is_small=is_small)
+    return Failure(Path(folder), made, **texts, scenario=scenario, is_small=is_small)
 
 
 def begin(folder: Path, scenario: Scenario) -> Scenario:
@@ -179,7 +181,7 @@ def finish(found: Failure, run: Run, avoided: Run | None) -> None:
     (folder / "run.toml").write_text(_configuration(found.drive), encoding="utf-8")
     (folder / "README.md").write_text(_words(found), encoding="utf-8")
     drive = {**vars(found.drive), "others": {str(key): value for key, value in found.drive.others.items()}}
-    content = {"drive": drive, **{name: getattr(found, name) for name in _TEXTS}, "is_small": found.is_small}
+    content = {"drive": drive, **{name: getattr(found, name) for name in (*_TEXTS, "scenario", "is_small")}}
     with replacing(folder / _FILE) as part:
         part.write_text(json_text(content, indent=2) + "\n", encoding="utf-8")
 
@@ -295,7 +297,7 @@ def _words(found: Failure) -> str:
     avoided = (
         f"`{found.witness}` in its place does not fail." if found.witness else "None of the tried drivers avoids it."
     )
-    return f"""# {found.failure} of agent {found.drive.agent_id}, planner `{found.drive.planner}`
+    return f"""# {found.failure} of agent {found.drive.agent_id} of {found.scenario}, planner `{found.drive.planner}`
 
 {found.words}.
 

@@ -83,7 +83,7 @@ def _kept(trial: Trial) -> Kept | None:
             return None
         avoided_by, avoided = witness(scenario, way)
         words = verdict.words, change.words(), avoided_by, verdict.digest, trial.signature, _core.__version__
-        failure = Failure(folder, way, verdict.failure, *words, is_small)
+        failure = Failure(folder, way, verdict.failure, *words, pair.scenario, is_small)
         finish(failure, run, avoided)
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w") as archive:

@@ -186,7 +186,7 @@ def _failure(found: Summary, place: int, links: Sequence[tuple[str, Path]], star
     unshrunk = "" if one.is_small else UNSHRUNK
     command = f"interdrive search replay {path(one.folder)}{trust_option(one)}"
     return (
-        f"<h3>{html.escape(one.folder.name)}: agent {one.drive.agent_id}, {html.escape(one.failure)}</h3>"
+        f"<h3>{html.escape(f'{one.folder.name}: {one.scenario}, agent {one.drive.agent_id}, {one.failure}')}</h3>"
         f"<p>{html.escape(one.words)}; {avoided}.<br>"
         f"Different from the recording: {html.escape(one.disturbance)}{unshrunk}.<br>"
         f"Pages: {pages}. <code>{command}</code></p>{shown}"
