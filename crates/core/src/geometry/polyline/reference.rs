@@ -73,6 +73,8 @@ pub struct ReferencePath {
     origin: Point,
     spacing: f64,
     inverse_spacing: f64,
+    /// Of the tightest bend [m].
+    tightest_radius: f64,
     knots: Vec<Knot>,
     x: Vec<f64>,
     y: Vec<f64>,
@@ -106,6 +108,7 @@ impl ReferencePath {
             origin,
             spacing,
             inverse_spacing: spacing.recip(),
+            tightest_radius: knots.iter().map(|knot| knot.curvature.abs()).fold(0.0, f64::max).recip(),
             knots,
         })
     }
@@ -188,13 +191,14 @@ impl ReferencePath {
     /// `None` if the nearest point is an end without a perpendicular foot, or farther than 20 m.
     pub fn project(&self, point: Point) -> Option<(f64, f64)> {
         let (p, last) = (point - self.origin, self.knots.len() - 1);
-        self.foot_in(p, 0, last, self.nearest_knot(p, 0, last)).map(|(s, d, _)| (s, d))
+        self.foot_in(p, 0, last, self.nearest_knot(p, 0, (0, last))).map(|(s, d, _)| (s, d))
     }
 
     /// The same among the arc lengths within `window` of `s_hint` [m]: the right branch where a path crosses itself.
     pub fn project_near(&self, point: Point, s_hint: f64, window: f64) -> Option<(f64, f64)> {
         let (p, (from, to)) = (point - self.origin, self.knots_within(s_hint, window));
-        self.foot_in(p, from, to, self.nearest_knot(p, from, to)).map(|(s, d, _)| (s, d))
+        let hint = (s_hint * self.inverse_spacing) as usize;
+        self.foot_in(p, from, to, self.nearest_knot(p, hint, (from, to))).map(|(s, d, _)| (s, d))
     }
 
     /// The same for a point whose foot is expected at `s_hint` [m]: from there knots are passed as long as they come
@@ -255,25 +259,42 @@ impl ReferencePath {
         nearest
     }
 
-    /// The knot of the range that is nearest to a point (relative to the origin); the first one of equals.
+    /// The knot of the range that is nearest to a point (relative to the origin); the first one of equals. `hint` is where
+    /// the search begins.
     ///
-    /// No knot is further from the next one than the spacing, so after a far knot the search skips all knots that
-    /// cannot be nearer than the best. It begins with the best of a few evenly spread knots.
-    fn nearest_knot(&self, p: Point, from: usize, to: usize) -> usize {
+    /// Within the radius of the tightest bend the squared distance is a convex function of the arc length: a knot that is
+    /// nearer than its neighbours is nearer than all that lie within what its distance leaves of that radius. Beyond, no
+    /// knot is further from the next one than the spacing, so after a far knot all are skipped that cannot be nearer
+    /// than the best.
+    fn nearest_knot(&self, p: Point, hint: usize, (from, to): (usize, usize)) -> usize {
         /// Rounding.
         const SAFETY: f64 = 0.999;
-        const SPREAD: usize = 8;
+        /// Share of the radius that is used.
+        const CONVEX: f64 = 0.9;
+        const STEPS: usize = 4;
         let squared = |i: usize| (p - self.knots[i].position).norm_squared();
-        let (mut least, mut nearest) = (f64::INFINITY, from);
-        for i in (from..=to).step_by(SPREAD) {
-            let here = squared(i);
-            if here < least {
-                (least, nearest) = (here, i);
+        let mut start = hint.clamp(from, to);
+        for _ in 0..STEPS {
+            let knot = &self.knots[start];
+            let ahead = (p - knot.position).dot(knot.tangent) * self.inverse_spacing;
+            // Not a number stays.
+            let next = (start as f64 + ahead).round().max(from as f64).min(to as f64) as usize;
+            if ahead.is_nan() || next.abs_diff(start) <= 1 {
+                break;
             }
+            start = next;
         }
+        let centre = self.nearest_knot_from(p, start, (from, to));
+        let (mut nearest, mut least) = (centre, squared(centre));
         let mut distance = least.sqrt();
+        let free = ((CONVEX * self.tightest_radius - distance) * self.inverse_spacing) as usize;
+        let (below, above) = (centre.saturating_sub(free), centre.saturating_add(free));
         let mut i = from;
         while i <= to {
+            if i >= below && i <= above {
+                i = above.saturating_add(1);
+                continue;
+            }
             let here = squared(i);
             if here < least || (here == least && i < nearest) {
                 (least, nearest) = (here, i);

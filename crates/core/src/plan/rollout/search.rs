@@ -1,5 +1,7 @@
 //! Which proposals are driven, and which of them is the best.
 
+use std::cmp::Ordering;
+
 use super::super::PlanRequest;
 use super::super::conflicts::Ego;
 use super::super::frame::project;
@@ -39,6 +41,8 @@ const MIDDLE: (f64, Along) = (0.0, Along::Line);
 /// A way to drive, with what its speeds cost.
 struct Proposal {
     bound: f64,
+    /// Of equal bounds the first is driven first: way, pace and steering.
+    order: [usize; 3],
     terms: [f64; 4],
     /// Offset that it drives to [m], and what that is counted from.
     target: (f64, Along),
@@ -46,6 +50,20 @@ struct Proposal {
     steering: Steering,
     speeds: Speeds,
     is_emergency: bool,
+}
+
+impl Proposal {
+    fn is_before(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound).then(self.order.cmp(&other.order))
+    }
+}
+
+/// A pace on a way whose speeds are looked for only where the least that they can cost is less than the best.
+struct Postponed {
+    bound: f64,
+    order: [usize; 3],
+    pace: Pace,
+    target: (f64, Along),
 }
 
 /// A roll-out with its cost.
@@ -77,6 +95,8 @@ pub(super) struct Search<'a> {
     pub(super) memory: &'a mut RolloutMemory,
     free: Speeds,
     pub(super) obstructions: Obstructions,
+    /// The offset for which the conflicts were looked for last [m].
+    looked: Option<f64>,
     /// Where the plan before ends, across the path [m].
     before: Option<f64>,
     /// A roll-out left the road.
@@ -102,7 +122,7 @@ impl<'a> Search<'a> {
             (settings.comfort.deceleration, settings.comfort.standstill_gap),
         );
         let before = previous_offset(request);
-        Self { task, settings, memory, free, obstructions, before, is_narrow: false, best: None }
+        Self { task, settings, memory, free, obstructions, looked: None, before, is_narrow: false, best: None }
     }
 
     /// The lane first; beside its middle if something is in the way; swinging out where the road is narrow; emergencies.
@@ -180,6 +200,9 @@ impl<'a> Search<'a> {
         let Start { s, d, velocity, .. } = self.task.start;
         let request = self.task.request;
         let ego = Ego { target, ..Ego::new(request, &request.route.path, (s, velocity, d), RETURN_TIME) };
+        if self.looked.replace(target) == Some(target) {
+            return ego;
+        }
         let mut barriers = request.barriers(request.rules.way, s);
         barriers.extend(self.obstructions.wait);
         self.memory.conflicts.collect(request, &ego, self.task.n_points, barriers);
@@ -195,19 +218,14 @@ impl<'a> Search<'a> {
     fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Speeds) -> Proposal {
         let terms = speeds.terms(&self.free, (self.task.acceleration(), self.task.request.dt));
         let bound = Speeds::cost(terms, &self.settings.weights);
-        Proposal { bound, terms, target, pace, steering, speeds, is_emergency: false }
+        Proposal { bound, order: [0; 3], terms, target, pace, steering, speeds, is_emergency: false }
     }
 
     /// Drives ways along the path.
     fn drive_beside(&mut self, targets: &[(f64, Along)]) {
-        let mut proposals: Vec<Proposal> = Vec::new();
-        for &target in targets {
-            let line = match target.1 {
-                Along::Line => self.task.request.line_at(self.task.start.s).offset,
-                Along::Path => 0.0,
-            };
-            let offset = target.0 + line;
-            let ego = self.look(offset);
+        let (mut proposals, mut postponed) = (Vec::new(), Vec::new());
+        for (way, &target) in targets.iter().enumerate() {
+            let ego = self.look(self.offset_of(target));
             let mut paces = vec![Pace::Social];
             if self.memory.conflicts.has_later() {
                 paces.push(Pace::Bold);
@@ -216,20 +234,49 @@ impl<'a> Search<'a> {
             if self.task.start.velocity < WALKING_SPEED {
                 paces.push(Pace::Walking);
             }
-            let first = proposals.len();
-            for pace in paces {
-                let Some(speeds) = self.speeds(pace, &ego) else { continue };
-                if proposals[first..].iter().any(|known| known.speeds == speeds) {
-                    continue;
+            for (place, pace) in paces.into_iter().enumerate() {
+                let one = Postponed { bound: self.least_cost(pace), order: [way, place, 0], pace, target };
+                if one.bound > 0.0 {
+                    postponed.push(one);
+                } else {
+                    self.propose(&one, &ego, &mut proposals);
                 }
-                if (self.task.start.d - offset).abs() > STEERING_OFFSET {
-                    proposals.push(self.proposal(pace, (target, Steering::GENTLE), speeds.clone()));
-                    proposals.push(self.proposal(pace, (target, Steering::QUICK), speeds.clone()));
-                }
-                proposals.push(self.proposal(pace, (target, Steering::FIRM), speeds));
             }
         }
-        self.choose(proposals);
+        self.choose(proposals, postponed);
+    }
+
+    /// What the speeds of a pace cost at least.
+    fn least_cost(&self, pace: Pace) -> f64 {
+        /// Rounding.
+        const SAFETY: f64 = 1.0 - 1e-9;
+        let terms = pace.least_terms(&self.task, &self.free);
+        SAFETY * Speeds::cost(terms, &self.settings.weights)
+    }
+
+    /// Distance from the reference path [m].
+    fn offset_of(&self, (target, along): (f64, Along)) -> f64 {
+        match along {
+            Along::Line => target + self.task.request.line_at(self.task.start.s).offset,
+            Along::Path => target,
+        }
+    }
+
+    /// Adds what can be driven at a pace on a way. Of equal speeds there the first pace is kept.
+    fn propose(&mut self, one: &Postponed, ego: &Ego, proposals: &mut Vec<Proposal>) {
+        let Postponed { order: [way, place, _], pace, target, .. } = *one;
+        let Some(speeds) = self.speeds(pace, ego) else { return };
+        let is_equal = |known: &Proposal| known.order[0] == way && known.speeds == speeds;
+        if proposals.iter().any(|known| known.order[1] < place && is_equal(known)) {
+            return;
+        }
+        proposals.retain(|known| !is_equal(known));
+        let is_far = (self.task.start.d - ego.target).abs() > STEERING_OFFSET;
+        let steerings = [Steering::GENTLE, Steering::QUICK, Steering::FIRM];
+        for (i, steering) in steerings.into_iter().enumerate().skip(if is_far { 0 } else { 2 }) {
+            let proposal = self.proposal(pace, (target, steering), speeds.clone());
+            proposals.push(Proposal { order: [way, place, i], ..proposal });
+        }
     }
 
     /// Turns the wheels first, where the road is too narrow to follow the path.
@@ -246,7 +293,7 @@ impl<'a> Search<'a> {
                 }
             }
         }
-        self.choose(proposals);
+        self.choose(in_turn(proposals), Vec::new());
     }
 
     /// Swerves and brakes as hard as the vehicle can.
@@ -267,22 +314,35 @@ impl<'a> Search<'a> {
             }
         }
         proposals.iter_mut().for_each(|one| one.is_emergency = true);
-        self.choose(proposals);
+        self.choose(in_turn(proposals), Vec::new());
     }
 
-    /// Drives what may be better than the best.
-    fn choose(&mut self, mut proposals: Vec<Proposal>) {
-        proposals.sort_by(|a, b| a.bound.total_cmp(&b.bound));
-        for proposal in &proposals {
+    /// Drives what may be better than the best, by increasing bounds.
+    fn choose(&mut self, mut proposals: Vec<Proposal>, mut postponed: Vec<Postponed>) {
+        // The next one is the last one.
+        proposals.sort_by(|a, b| b.is_before(a));
+        postponed.sort_by(|a, b| b.bound.total_cmp(&a.bound).then(b.order.cmp(&a.order)));
+        loop {
+            let next = proposals.last().map_or(f64::INFINITY, |one| one.bound);
+            if let Some(one) = postponed.pop_if(|one| one.bound <= next) {
+                if self.cost() <= one.bound {
+                    break;
+                }
+                let ego = self.look(self.offset_of(one.target));
+                self.propose(&one, &ego, &mut proposals);
+                proposals.sort_by(|a, b| b.is_before(a));
+                continue;
+            }
+            let Some(proposal) = proposals.pop() else { break };
             if self.cost() <= proposal.bound {
                 break;
             }
-            if !self.drive(proposal, proposal.target.1, proposal.steering) || proposal.steering != Steering::FIRM {
+            if !self.drive(&proposal, proposal.target.1, proposal.steering) || proposal.steering != Steering::FIRM {
                 continue;
             }
             // Where the road is narrow, its middle is better than the line.
             for steering in Steering::CORNERING {
-                if !self.drive(proposal, Along::Path, steering) {
+                if !self.drive(&proposal, Along::Path, steering) {
                     break;
                 }
             }
@@ -347,6 +407,12 @@ impl<'a> Search<'a> {
         self.memory.rollout = rollout;
         off_road.is_some()
     }
+}
+
+/// Of equal bounds the one that was made first is driven first.
+fn in_turn(mut proposals: Vec<Proposal>) -> Vec<Proposal> {
+    proposals.iter_mut().enumerate().for_each(|(i, one)| one.order[0] = i);
+    proposals
 }
 
 /// Offset at which the plan before ends [m].

@@ -81,6 +81,37 @@ pub(super) enum Pace {
 }
 
 impl Pace {
+    /// At least what [`Speeds::terms`] are of speeds at this pace: those of a vehicle that brakes as late as the jerk lets it,
+    /// and then as hard as this pace does.
+    pub(super) fn least_terms(self, task: &Task, free: &Speeds) -> [f64; 4] {
+        let Task { request, comfort, start, n_points, .. } = task;
+        let Some(braking) = self.stopping(comfort) else { return [0.0; 4] };
+        let braking = braking.min(request.vehicle.acceleration_max);
+        let mut velocity = start.velocity + start.rolling;
+        if velocity < 0.0 {
+            return [0.0; 4];
+        }
+        let jerk = comfort.jerk.min(comfort.jerk_low);
+        let (mut acceleration, mut lost) = (task.acceleration(), 0.0);
+        for point in 0..*n_points {
+            lost += (free.velocity[point] - velocity).max(0.0);
+            if point + 1 < *n_points {
+                acceleration = (acceleration - jerk * request.dt).max(-braking);
+                velocity = (velocity + acceleration * request.dt).max(0.0);
+            }
+        }
+        [lost * request.dt, (free.velocity[n_points - 1] - velocity).max(0.0), 0.0, 0.0]
+    }
+
+    /// Deceleration of a pace that stops, however free the road is [m/s²].
+    fn stopping(self, comfort: &Comfort) -> Option<f64> {
+        match self {
+            Self::Stopping => Some(comfort.deceleration),
+            Self::Braking => Some(2.0 * comfort.deceleration),
+            _ => None,
+        }
+    }
+
     /// Name, for people.
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -225,11 +256,7 @@ impl Speeds {
             _ => (1.0, f64::INFINITY),
         };
         // Who stops brakes no later than the road asks for.
-        let stopping = match pace {
-            Pace::Stopping => -comfort.deceleration,
-            Pace::Braking => -2.0 * comfort.deceleration,
-            _ => f64::INFINITY,
-        };
+        let stopping = pace.stopping(comfort).map_or(f64::INFINITY, |braking| -braking);
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
         let found = integrate(task, |point, s, velocity| {

@@ -230,3 +230,22 @@ fn many_arc_lengths_at_once_are_each_of_them_on_wide_machines_and_others() {
         }
     }
 }
+
+#[test]
+fn the_nearest_knot_is_that_of_all_knots_wherever_the_search_begins() {
+    for points in [figure_of_eight(), hairpin(), rough_corner()] {
+        let path = ReferencePath::through(&points).expect("valid");
+        let last = path.knots.len() - 1;
+        for (from, to) in [(0, last), (last / 3, last), (last / 4, last / 2)] {
+            for hint in [from, usize::midpoint(from, to), to] {
+                for step in 0..400_u32 {
+                    let around = path.points()[(7 * step) as usize % (last + 1)];
+                    let p = around + Point::from_angle(f64::from(step)) * (0.11 * f64::from(step)) - path.origin;
+                    let squared = |i: &usize| (p - path.knots[*i].position).norm_squared();
+                    let expected = (from..=to).min_by(|a, b| squared(a).total_cmp(&squared(b))).expect("a knot");
+                    assert_eq!(path.nearest_knot(p, hint, (from, to)), expected, "{p:?} from {from} to {to}");
+                }
+            }
+        }
+    }
+}
