@@ -26,7 +26,7 @@ $(VENV)/.tools: WANTED = p['dependencies'] + o['dev']
 # Of every dependency exactly the lower bound.
 .venv-oldest/.tools: WANTED = [re.sub(r'>=([^,]+).*', r'==\1', one) for one in p['dependencies']] + ['pytest>=8']
 # Their planners need older versions of what interdrive uses (commonroad-io 2024.3), and Python before 3.12.
-.venv-third/.tools: WANTED = p['dependencies'] + o['frenetix'] + o['reactive'] + ['pytest>=8']
+.venv-third/.tools: WANTED = p['dependencies'] + o['frenetix'] + o['reactive'] + o['fiss'] + ['pytest>=8']
 # Ray and commonroad-io agree on protobuf 3.20.2, which holds Ray back; no other environment should be held back with it.
 .venv-ray/.tools: WANTED = p['dependencies'] + o['ray'] + ['pytest>=8']
 .venv-sumo/.tools: WANTED = p['dependencies'] + o['sumo'] + ['pytest>=8']

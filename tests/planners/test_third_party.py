@@ -5,11 +5,12 @@ from click.testing import CliRunner
 
 import interdrive as idr
 from interdrive.cli import main
-from interdrive.planners import frenetix, reactive
+from interdrive.planners import fiss, frenetix, reactive
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "library"), [("frenetix", frenetix, "frenetix"), ("reactive", reactive, "ReactivePlanner")]
+    ("name", "module", "library"),
+    [("fiss", fiss, "fiss"), ("frenetix", frenetix, "frenetix"), ("reactive", reactive, "ReactivePlanner")],
 )
 def test_a_planner_whose_extra_is_missing_says_what_to_install(name, module, library, monkeypatch):
     monkeypatch.setattr(module, library, None)
