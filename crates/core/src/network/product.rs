@@ -66,8 +66,8 @@ fn add_rows(left: &[f32], stride: usize, n_rows: usize, right: &Matrix, out: &mu
 fn block<const R: usize, const P: usize>(left: &[f32], stride: usize, right: &Matrix, first: usize, out: &mut [f32]) {
     let (depth, width) = (right.rows, right.columns());
     let rows: [&[f32]; R] = std::array::from_fn(|r| &left[r * stride..r * stride + depth]);
-    let panels: [&[f32]; P] =
-        std::array::from_fn(|p| &right.panels[(first + p) * depth * PANEL..(first + p + 1) * depth * PANEL]);
+    let panels: [&[[f32; PANEL]]; P] =
+        std::array::from_fn(|p| &right.panels.as_chunks().0[(first + p) * depth..(first + p + 1) * depth]);
     let mut sums = [[[0.0_f32; PANEL]; P]; R];
     for (r, row) in sums.iter_mut().enumerate() {
         for (p, panel) in row.iter_mut().enumerate() {
@@ -77,11 +77,11 @@ fn block<const R: usize, const P: usize>(left: &[f32], stride: usize, right: &Ma
     }
     for k in 0..depth {
         for p in 0..P {
-            let weights = &panels[p][k * PANEL..(k + 1) * PANEL];
+            let weights = panels[p][k];
             for r in 0..R {
                 let x = rows[r][k];
-                for (sum, weight) in sums[r][p].iter_mut().zip(weights) {
-                    *sum += x * weight;
+                for column in 0..PANEL {
+                    sums[r][p][column] += x * weights[column];
                 }
             }
         }
