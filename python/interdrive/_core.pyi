@@ -28,7 +28,6 @@ _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
-    "COMFORTABLE_DECELERATION",
     "DEEPEST",
     "DESIGN_WIDTH",
     "JUDGED_STANDSTILL_SPEED",
@@ -82,6 +81,7 @@ __all__ = [
     "boundary_harm",
     "check_settings",
     "collision_harm",
+    "could_stop",
     "crossing_lanelets",
     "drive_cut_ins",
     "drive_cut_outs",
@@ -111,9 +111,8 @@ __version__: str
 PLAN_POINTS_MAX: int
 #: Names of the codes in arrays, by their position: participants ("kind"), outcomes, signals, areas and others.
 CODES: dict[str, list[str]]
-#: How vehicles drive, as in `conduct.rs`: comfortable braking [m/s²]; an agent stands below the first speed, and stood
+#: How vehicles drive, as in `conduct.rs`: an agent stands below the first speed, and stood
 #: below the second when its run is judged [m/s].
-COMFORTABLE_DECELERATION: float
 STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float
 #: Stops count so far before the line of a sign [m].
@@ -874,6 +873,9 @@ def check_settings(name: str, given: object) -> None:
 
 def settings_tables() -> list[dict[str, Any]]:
     """The core's tables of settings: name, text, and the fields with name, unit, text, range and default."""
+
+def could_stop(velocity: float, distance: float) -> bool:
+    """Whether a vehicle could stop comfortably within a distance [m] from a speed [m/s]."""
 
 def steps_at_most(step: CoreStepSettings, n_recorded: int, agents: list[tuple[int, int]]) -> int:
     """Number of time steps after which a run with these settings ends.

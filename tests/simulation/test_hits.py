@@ -81,7 +81,7 @@ def test_being_hit_changes_no_bit_of_the_score():
     found = [idr.score(drive(road(*cars)), panel=("lawful", "idm", "idm_mobil")) for cars in ((), FROM_BEHIND)]
     assert found[0].score.tobytes() == found[1].score.tobytes()
     assert [one.hits.tolist() for one in found] == [[0], [3]]
-    assert "hit by 7 at 2." in found[1].why(100)
+    assert "hit by 7 while it stood at 2." in found[1].why(100)
 
 
 def test_a_run_that_ended_by_a_hit_is_driven_on_if_its_planner_can_be_repeated():

@@ -28,6 +28,11 @@ pub fn reverses(velocity: f64) -> bool {
 /// brake to give way. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation Engineers).
 pub const COMFORTABLE_DECELERATION: f64 = 3.0;
 
+/// A vehicle could stop comfortably within a distance [m] from a speed [m/s]: a light that changes holds it.
+pub fn could_stop(velocity: f64, distance: f64) -> bool {
+    velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * distance
+}
+
 /// Firm braking [m/s²]: a vehicle that would have to brake harder to wait for another one is not expected to. It is the safe
 /// deceleration of MOBIL (Kesting, Treiber, Helbing, Transportation Research Record 1999, 2007, doi 10.3141/1999-10).
 pub(crate) const FIRM_DECELERATION: f64 = 4.0;
@@ -63,11 +68,20 @@ pub(crate) fn travel_time(distance: f64, velocity: f64, largest: f64, accelerati
 
 #[cfg(test)]
 mod tests {
-    use super::{reverses, travel_time};
+    use super::{could_stop, reverses, travel_time};
 
     #[test]
     fn a_vehicle_that_moves_backwards_faster_than_standing_reverses() {
         assert_eq!([-1.5, -0.11, -0.1, 0.0, 1.5].map(reverses), [true, true, false, false, false]);
+    }
+
+    #[test]
+    fn a_vehicle_can_stop_within_its_squared_speed_over_six_metres_per_second_squared() {
+        for (velocity, distance, expected) in
+            [(12.0, 24.0, true), (12.0, 23.9, false), (0.0, 0.0, true), (0.0, -1.0, false)]
+        {
+            assert_eq!(could_stop(velocity, distance), expected, "{velocity} m/s, {distance} m");
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@ pub use crosswalks::{Crosswalk, Person};
 pub use line_memory::LineMemory;
 use line_memory::is_near;
 
-use crate::conduct::COMFORTABLE_DECELERATION;
+use crate::conduct::could_stop;
 use std::sync::LazyLock;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
@@ -378,8 +378,7 @@ impl Rules<'_> {
 
     /// So many time steps ago the agent could have stopped before a line, at its present speed.
     fn could_stop(&self, crossing: &Crossing, front: f64, velocity: f64, steps: i64) -> bool {
-        let before = crossing.s - front + velocity * steps as f64 * self.dt;
-        velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * before
+        could_stop(velocity, crossing.s - front + velocity * steps as f64 * self.dt)
     }
 
     fn since_entry(&self) -> i64 {

@@ -57,12 +57,17 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(codes)
 }
 
+/// A vehicle could stop comfortably within a distance [m] from a speed [m/s].
+#[pyfunction]
+fn could_stop(velocity: f64, distance: f64) -> bool {
+    conduct::could_stop(velocity, distance)
+}
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("CODES", codes(module.py())?)?;
     module.add("PLAN_POINTS_MAX", PLAN_POINTS_MAX)?;
-    module.add("COMFORTABLE_DECELERATION", conduct::COMFORTABLE_DECELERATION)?;
     module.add("STANDSTILL_SPEED", conduct::STANDSTILL_SPEED)?;
     module.add("JUDGED_STANDSTILL_SPEED", conduct::JUDGED_STANDSTILL_SPEED)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
@@ -75,6 +80,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     scoring::register(module)?;
     reference_drivers::register(module)?;
     commonroad::register(module)?;
+    module.add_function(wrap_pyfunction!(could_stop, module)?)?;
     module.add_function(wrap_pyfunction!(settings::check_settings, module)?)?;
     module.add_function(wrap_pyfunction!(settings::settings_tables, module)?)?;
     module.add_function(wrap_pyfunction!(settings::steps_at_most, module)?)?;

@@ -8,7 +8,7 @@ use interdrive_core::criticality::preventability::{Conflict, Preventability, Rep
 use interdrive_core::criticality::straight::{StraightRequest, straight_times};
 use interdrive_core::criticality::{Traffic, crossing_lanelets as core_crossing_lanelets};
 use interdrive_core::error::Error;
-use interdrive_core::geometry::polyline::Polyline;
+use interdrive_core::geometry::polyline::{Polyline, Projection};
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::reference_drivers::Driver;
 use interdrive_core::road::RoadNetwork;
@@ -25,6 +25,8 @@ use crate::vehicle::PyVehicle;
 const WINDOW: f64 = 20.0;
 /// Farther away from the path than this [m], all of it is searched.
 const LOST: f64 = 5.0;
+/// Feet whose distances differ by less are those of the same place, to which the path comes again [m].
+const AGAIN: f64 = 1.0;
 
 #[pyclass(frozen, name = "Traffic", module = "interdrive._core")]
 pub struct PyTraffic {
@@ -194,6 +196,20 @@ pub fn crossing_lanelets(py: Python<'_>, road: &PyRoadNetwork, erosion: f64, ove
     road.lanelets().iter().zip(found).filter_map(|(lanelet, crosses)| crosses.then_some(lanelet.id)).collect()
 }
 
+/// The foot of a point on a path that may lead by it more than once: the first of those that are about as near as any.
+fn first_foot(path: &Polyline, point: Point) -> Projection {
+    let nearest = path.project(point);
+    let mut from = 0.0;
+    while from < nearest.s {
+        let found = path.project_between(point, from, from + WINDOW);
+        if found.distance <= nearest.distance + AGAIN {
+            return path.project_between(point, found.s - WINDOW, found.s + WINDOW);
+        }
+        from += WINDOW;
+    }
+    nearest
+}
+
 /// Arc length [m] and signed lateral distance [m] of consecutive positions on a path of shape (points, 2).
 #[pyfunction]
 pub fn follow_path<'py>(
@@ -208,8 +224,11 @@ pub fn follow_path<'py>(
     let mut last: Option<f64> = None;
     let mut foot = |i: usize| {
         let point = Point::new(x[i], y[i]);
-        let near = last.map(|s| path.project_between(point, s - WINDOW, s + WINDOW));
-        let found = near.filter(|near| near.distance <= LOST).unwrap_or_else(|| path.project(point));
+        let found = match last.map(|s| path.project_between(point, s - WINDOW, s + WINDOW)) {
+            None => first_foot(&path, point),
+            Some(near) if near.distance <= LOST => near,
+            Some(_) => path.project(point),
+        };
         last = Some(found.s);
         (found.s, found.d)
     };

@@ -51,9 +51,7 @@ _NAMES = {
 }
 #: What signs mean for sources of other formats, by their numbers.
 RANK_NAMES = {
-    number: "priority" if name in ("PRIORITY", "RIGHT_OF_WAY") else "stop" if name == "STOP" else "yield"
-    for number, name in _NAMES.items()
-    if name in RANKS
+    number: {1: "stop", 2: "yield", 5: "priority"}[RANKS[name][1]] for number, name in _NAMES.items() if name in RANKS
 }
 #: A vehicle that comes from such a lanelet waits.
 _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from interdrive.scoring import ScoringSettings
 
 #: Layout of the folder.
-FORMAT = 1
+FORMAT = 2
 
 _MARK = "panel.json"
 
@@ -198,7 +198,7 @@ def _decoded(arrays: Mapping[str, Any]) -> PanelDrives:
     drives = {}
     for number, (name, values) in enumerate(told["drives"].items()):
         terms = {key: Term(**values[key]) for key in ("ttc", "comfort")}
-        hits = tuple((int(by), str(when)) for by, when in values["hits"])
+        hits = tuple(map(str, values["hits"]))
         cut_off = frozenset(values["cut_off_from"])
         own = {item: arrays[f"{number}_{item}"] for item in _ARRAYS}
         drives[name] = Drive(**{**values, **terms, **own, "hits": hits, "cut_off_from": cut_off})

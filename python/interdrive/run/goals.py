@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +39,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class _Moment:
-    """A state in the goal area: from and to which column the agent stayed there, what was wrong, and how much."""
+    """A state in the goal area: what was wrong, how much, and from which to which column of the visit it was that."""
 
     first: int
     last: int
@@ -97,10 +98,11 @@ def _moments(run: RunRecord, agent: AgentRecord, alternative: GoalState) -> list
     columns = inside(run, agent, alternative)
     found = []
     for visit in np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1):
-        for column in visit.tolist():
-            faults, excess = _faults(run, row, column, alternative)
-            if faults:
-                found.append(_Moment(int(visit[0]), int(visit[-1]), faults, excess))
+        missed = [(column, *_faults(run, row, column, alternative)) for column in visit.tolist()]
+        # The first words of faults say which conditions they are about.
+        for _, same in groupby(missed, lambda one: [fault.split()[0] for fault in one[1]]):
+            states = list(same)
+            found += [_Moment(states[0][0], states[-1][0], faults, excess) for _, faults, excess in states if faults]
     return found
 
 
@@ -121,7 +123,9 @@ def _faults(run: RunRecord, row: int, column: int, goal: GoalState) -> tuple[tup
         if not slowest <= speed <= fastest:
             most = speed > fastest
             bound = fastest if most else slowest
-            faults.append(f"at {_like(speed, bound)} m/s (at {'most' if most else 'least'} {_like(bound, speed)} m/s)")
+            faults.append(
+                f"at {with_digits(speed, bound)} m/s (at {'most' if most else 'least'} {with_digits(bound, speed)} m/s)"
+            )
             excess += abs(speed - bound) / max(abs(bound), 1.0)
     first, last = goal.time_step
     if time_step < first:
@@ -138,9 +142,9 @@ def _degrees(off: float, allowed: float) -> str:
     return f"{math.degrees(off):.{digits}f}° off ({math.degrees(allowed):.{digits}f}° allowed)"
 
 
-def _like(value: float, other: float) -> str:
-    """A number with as many digits as tell it from the other one, one at least and three at most."""
-    digits = next((n for n in (1, 2) if f"{value:.{n}f}" != f"{other:.{n}f}"), 3)
+def with_digits(value: float, other: float, fewest: int = 1) -> str:
+    """A number with as many digits as tell it from another one, at least `fewest` and at most two more."""
+    digits = next((n for n in (fewest, fewest + 1) if f"{value:.{n}f}" != f"{other:.{n}f}"), fewest + 2)
     return f"{value:.{digits}f}"
 
 

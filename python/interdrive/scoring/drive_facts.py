@@ -81,8 +81,10 @@ class Drive:
         ttc: Term. comfort: Term.
         cut_off_from: Participants whose right of way it took.
         free: Free-flow times at multiples of 0.5 m of the way [s]; empty without a path.
-        hits: Participants that hit it without its fault, and left: ids and seconds as text.
-        hit: The participant that ended the drive without the agent's fault, and when; empty without one.
+        hits: Contacts without its fault after which it drove on, in words: with whom, and when.
+        hit: The contact that ended the drive without its fault, in words; empty without one.
+        was_hit: Another participant ended it by its fault; false if it ran into one that stood.
+        end: Why it ended without arriving, as the run says; empty if it arrived.
     """
 
     agent_id: int
@@ -104,8 +106,10 @@ class Drive:
     comfort: Term
     cut_off_from: frozenset[int]
     free: Floats
-    hits: tuple[tuple[int, str], ...] = ()
+    hits: tuple[str, ...] = ()
     hit: str = ""
+    was_hit: bool = False
+    end: str = ""
 
     @property
     def distance(self) -> float:
@@ -123,10 +127,16 @@ class Drive:
         return not {"alive", "fault", "road"}.isdisjoint(self.gates)
 
     def time_to(self, way: float) -> float:
-        """When it came as far as a way [m], within half a metre [s]; inf if never, or within 3 s of a bad end."""
+        """When it came as far as a way [m], within half a metre [s]; inf if never, or within 3 s of a bad end.
+
+        A drive that ended as it arrived goes on in free flow: others may arrive, or miss the goal, some metres further.
+        """
         there = np.flatnonzero(self.way >= way - SPACING)
         if not len(there):
-            return math.inf
+            if not self.arrived:
+                return math.inf
+            beyond = time_at(self.free, way - SPACING) - time_at(self.free, self.distance)
+            return float(self.time[-1]) + max(beyond, 0.0)
         time = float(self.time[there[0]])
         return math.inf if self.ended_badly and time > self.time[-1] - _BAD_END else time
 
@@ -135,6 +145,14 @@ class Drive:
         return float(np.interp(time, self.time, self.way))
 
 
+#: Contacts without fault, by nuPlan's types.
+_CONTACTS = {
+    "stopped_agent": "hit by {} while it stood",
+    "stopped_other": "ran into {}, which stood,",
+    "rear": "hit by {} from behind",
+    "front": "ran into {}",
+    "lateral": "touched {} side to side",
+}
 #: What happens this long before a bad end does not count as an example [s].
 _BAD_END = 3.0
 
@@ -210,27 +228,33 @@ class _Drive:
             free=self._free_flow(float(s[0])),
             hits=self._hits(),
             hit=self._hit_words() if was_hit else "",
+            was_hit=was_hit and not self._met_one_that_stood(),
+            end="" if self.outcome in ARRIVED else self.reason,
         )
 
     def _hit_words(self) -> str:
         """What a collision without fault was: who stood has hit nothing."""
-        states, column = self.run.states, int(self.columns[-1])
-        row = int(np.searchsorted(states.participant_id, self.partner))
-        before = float(states.velocity[row, max(column - 1, 0)])
-        when = self._when(column)
-        if abs(before) <= _core.STANDSTILL_SPEED:
+        when = self._when(int(self.columns[-1]))
+        if self._met_one_that_stood():
             return f"ran into {self.partner}, which stood, at {when} s"
         return f"hit by {self.partner} at {when} s"
+
+    def _met_one_that_stood(self) -> bool:
+        states, before = self.run.states, max(int(self.columns[-1]) - 1, 0)
+        row = int(np.searchsorted(states.participant_id, self.partner))
+        return abs(float(states.velocity[row, before])) <= _core.STANDSTILL_SPEED
 
     def _when(self, column: int) -> str:
         return said_seconds(column + self.run.states.first_time_step, self.dt)
 
-    def _hits(self) -> tuple[tuple[int, str], ...]:
+    def _hits(self) -> tuple[str, ...]:
         hits = self.run.hits
         if hits is None:
             return ()
         rows = np.flatnonzero(hits.agent_id == self.record.id).tolist()
-        return tuple((int(hits.by_id[k]), said_seconds(int(hits.time_step[k]), self.dt)) for k in rows)
+        contacts = [_CONTACTS[hits.collision_type[k]].format(hits.by_id[k]) for k in rows]
+        times = [said_seconds(int(hits.time_step[k]), self.dt) for k in rows]
+        return tuple(f"{contact} at {when} s" for contact, when in zip(contacts, times, strict=True))
 
     def _time_limit(self) -> float:
         """Time from the start until the agent is stopped [s]."""

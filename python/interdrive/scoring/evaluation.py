@@ -140,7 +140,8 @@ class Score:
         Raises:
             InputError: It was not scored.
         """
-        return "; ".join(self.reasons[self.row(agent_id)]) or "full score"
+        row = self.row(agent_id)
+        return "; ".join(self.reasons[row]) or ("full score" if self.score[row] == 1.0 else "almost full score")
 
 
 def score(run: RunRecord, ids: Sequence[int] | None = None, settings: ScoringSettings | None = None) -> Score:
@@ -237,7 +238,7 @@ def evaluated(
         in_time=truths([bool(one and one[1].in_time) for one in there]),
         arrived=truths([bool(one and one[1].arrived) for one in there]),
         forced=truths([bool(one and one[1].forced) for one in there]),
-        hits=np.array([len(one[0].hits) + bool(one[0].hit) if one else 0 for one in there], dtype=np.int64),
+        hits=np.array([len(one[0].hits) + one[0].was_hit if one else 0 for one in there], dtype=np.int64),
         fault=truths([bool(verdict and verdict.kind) for verdict in verdicts]),
         fault_kind=tuple(verdict.kind if verdict else "" for verdict in verdicts),
         fault_nuplan=truths([bool(verdict and verdict.fault_nuplan) for verdict in verdicts]),

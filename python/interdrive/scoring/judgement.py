@@ -95,7 +95,8 @@ def _reasons(
             said.append((value, drive.words[name] + forced + more))
     if found.arrival < 1.0:
         did = _listed([name for name, one in place.drives.items() if one.arrived])
-        said.append((found.arrival, f"did not arrive, where {did} did (counts half)"))
+        why = f": {drive.end}" if drive.end else ""
+        said.append((found.arrival, f"did not arrive, where {did} did (counts half){why}"))
     if found.pace < _NEARLY_ONE:
         said.append((found.pace, _pace_words(drive, facts, found, place)))
     if found.hindrance < _NEARLY_ONE:
@@ -107,7 +108,7 @@ def _reasons(
         if value < _NEARLY_ONE:
             said.append((value, f"{name} {value:.0f}: {words}"))
     reasons = [words for _, words in sorted(said, key=lambda one: one[0])]
-    reasons += [f"hit by {by} at {when} s, not its fault: drove on" for by, when in drive.hits]
+    reasons += [f"{hit}, not its fault: drove on" for hit in drive.hits]
     if drive.hit:
         reasons.append(f"{drive.hit}, not its fault: counts as standing from then on")
     if found.excused:
@@ -137,7 +138,7 @@ def _stood(drive: Drive) -> str:
     if not len(spans):
         return ""
     longest = spans[int(np.argmax(spans[:, 1] - spans[:, 0]))]
-    time = float(still.sum()) * drive.dt
+    time = float((spans[:, 1] - spans[:, 0] - 1).sum()) * drive.dt
     return f"; stood {time:.1f} s, longest at {drive.way[longest[0]]:.0f} m" if time >= _STOOD_MIN else ""
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.run.goals import said_seconds
+from interdrive.run.goals import said_seconds, with_digits
 from interdrive.scoring.smoothing import smoothed
 
 if TYPE_CHECKING:
@@ -101,7 +101,8 @@ def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
         worst = int(values.argmax())
         if values[worst] > bound:
             when = said_seconds(int(motion.time_step[worst]), dt)
-            return Term(0.0, f"{name} {values[worst]:.2f} {unit} at {when} s ({bound:g} allowed)")
+            value = with_digits(float(values[worst]), bound, fewest=2)
+            return Term(0.0, f"{name} {value} {unit} at {when} s ({bound:g} allowed)")
     return Term(1.0)
 
 

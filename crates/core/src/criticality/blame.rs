@@ -357,7 +357,11 @@ fn judged(pair: &Pair<'_>, other_drives: bool, request: &BlameRequest) -> Verdic
         return verdict(FaultKind::CutOff, Some(&into_theirs));
     }
     let is_front = side == 0;
-    if is_front && agent.speed() > REST_SPEED && into_ours.gap >= into_ours.needed {
+    // One that stands is run into with whatever side touches it.
+    if (is_front || other.speed().abs() <= REST_SPEED)
+        && agent.speed() > REST_SPEED
+        && into_ours.gap >= into_ours.needed
+    {
         return verdict(FaultKind::RanInto, Some(&into_ours));
     }
     if cuts_off {

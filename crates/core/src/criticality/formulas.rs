@@ -1,8 +1,8 @@
 //! The formulas on numbers: one vehicle behind another one on one path. Sources: docs/reference/criticality.md.
 //! An infinite headway means that no participant is ahead; where an argument is not a number, neither is the result.
 
-/// Slower than this [m/s] is standing.
-pub const STANDSTILL_SPEED: f64 = 1e-3;
+/// At this speed [m/s] and below no time headway is defined.
+pub const HEADWAY_SPEED: f64 = 1e-3;
 /// Denominators below this are no approach.
 const NO_APPROACH: f64 = 1e-12;
 
@@ -13,7 +13,7 @@ pub fn time_headway(headway: f64, velocity: f64) -> f64 {
         f64::NAN
     } else if headway <= 0.0 {
         0.0
-    } else if velocity <= STANDSTILL_SPEED {
+    } else if velocity <= HEADWAY_SPEED {
         f64::INFINITY
     } else {
         headway / velocity
@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn limits_between_cases_belong_to_the_side_that_is_stated() {
         for (headway, velocity, expected) in
-            [(-1.0, 10.0, 0.0), (-1.0, 0.0, 0.0), (10.0, STANDSTILL_SPEED, INF), (10.0, 2.0 * STANDSTILL_SPEED, 5000.0)]
+            [(-1.0, 10.0, 0.0), (-1.0, 0.0, 0.0), (10.0, HEADWAY_SPEED, INF), (10.0, 2.0 * HEADWAY_SPEED, 5000.0)]
         {
             assert_eq!(time_headway(headway, velocity), expected, "{headway} m, {velocity} m/s");
         }

@@ -2,7 +2,7 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, reverses};
+use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, could_stop, reverses};
 use crate::control::{Signal, Turn};
 use crate::geometry::Pose;
 use crate::plan::Planner;
@@ -298,7 +298,7 @@ impl World {
                     continue;
                 }
                 let distance = length + center.project(line.ends[0].lerp(line.ends[1], 0.5)).s - front;
-                if distance > 0.0 && velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * distance {
+                if distance > 0.0 && could_stop(velocity, distance) {
                     return distance;
                 }
             }

@@ -82,8 +82,8 @@ class Drives:
         since = max(since, int(np.argmax(self.valid[k])))
         speeds = self.velocity[k, since : column + 1]
         way = float(0.5 * (speeds[1:] + speeds[:-1]).sum() * self.dt) - beyond
-        comes = self.velocity[k, since] > 0.0
-        return bool(comes and self.velocity[k, since] ** 2 > 2.0 * _core.COMFORTABLE_DECELERATION * way)
+        velocity = float(self.velocity[k, since])
+        return velocity > 0.0 and not _core.could_stop(velocity, way)
 
     def row(
         self,

@@ -136,6 +136,14 @@ fn f7_overtaking_into_oncoming_traffic_is_the_wrong_side() {
 }
 
 #[test]
+fn who_scrapes_along_a_car_that_stands_in_the_oncoming_lane_ran_into_it() {
+    let standing = car(OTHER, 60.0, 0.0, PI, |_| 3.5);
+    let agent = car(AGENT, 20.0, 8.0, 0.0, |k| if k < 48 { 1.0 } else { (1.0 + 0.15 * (k - 48) as f64).min(2.5) });
+    let found = verdict(two_way(), agent, standing);
+    assert_eq!((found.kind, found.side, found.collision_type), (FaultKind::RanInto, 1, CollisionType::StoppedOther));
+}
+
+#[test]
 fn a_parked_car_that_faces_the_agent_is_not_oncoming_traffic() {
     let parked = car(OTHER, 100.0, 0.0, PI, |_| 0.0);
     let found = verdict(two_way(), car(AGENT, 20.0, 12.0, 0.0, |_| 0.0), parked);
