@@ -26,7 +26,7 @@ from interdrive.errors import InputError, ResultsError
 from interdrive.report import write_pair_report, write_run_report
 from interdrive.report.contents import run_contents
 from interdrive.report.differences import differing_settings
-from interdrive.report.events import events_of
+from interdrive.report.events import Event, events_of
 from interdrive.report.measured import Measured
 from interdrive.report.packing import Packer
 from interdrive.results import candidates_table, holds_run, predictions_table, read_results, save
@@ -505,3 +505,8 @@ def test_a_page_of_two_runs_and_its_command_say_which_settings_differ(tmp_path):
     assert any(line.split() == ["view.sensor_radius", "80", "40"] for line in done.stdout.splitlines())
     text = (tmp_path / "one_two.html").read_text(encoding="utf-8")
     assert "<tr><td>view.sensor_radius</td><td>80</td><td>40</td></tr>" in text
+
+
+def test_an_event_without_a_mark_is_refused_instead_of_drawn_as_another():
+    with pytest.raises(ValueError, match="events of the kind 'sneeze' have no mark"):
+        Event(3, "sneeze", (0,), "100 sneezes")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.criticality import MEASURES, measure_named
+from interdrive.plots.style import EVENT_MARKS, OUTCOME_MARKS
 from interdrive.report.planning import made_at
 from interdrive.run import RULES
 from interdrive.run.reasons import STANDSTILL, said_rejection
@@ -54,6 +55,15 @@ class Event:
     rows: tuple[int, ...]
     text: str
     value: float | None = None
+
+    def __post_init__(self) -> None:
+        """Checks that the page can draw it.
+
+        Raises:
+            ValueError: Its kind has no mark.
+        """
+        if self.kind not in EVENT_MARKS and self.kind not in OUTCOME_MARKS:
+            raise ValueError(f"events of the kind {self.kind!r} have no mark in plots/style.py")
 
 
 def events_of(
