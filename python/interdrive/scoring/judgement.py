@@ -150,7 +150,7 @@ def _hindrance_words(drive: Drive, found: Total, taken: tuple[Hindrance, set[int
         without = max(worst.without, 0.0)
         return (
             f"hindrance 0: {worst.participant_id} braked with {worst.deceleration:.1f} m/s² at {when} s, "
-            f"with {without:.1f} m/s² without it"
+            f"with {without:.1f} m/s² in the world without {drive.agent_id}"
         )
     vehicles = "1 vehicle" if len(hindrance.losers) == 1 else f"{len(hindrance.losers)} vehicles"
     lost = f"hindrance {found.hindrance:.2f}: {vehicles} lost {hindrance.lost:.1f} s"
