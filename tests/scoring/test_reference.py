@@ -19,7 +19,11 @@ ROOT = Path(__file__).parents[2]
 
 #: Sets and splits with rows, and planners that they have.
 SHIPPED = [
-    ("shipped-2", "dev", ("frenet", "frenetix", "idm", "idm_mobil", "reactive", "recorded", "rollout")),
+    (
+        "shipped-2",
+        "dev",
+        ("fiss", "frenet", "frenetix", "idm", "idm_mobil", "lawful", "pdm", "reactive", "recorded", "rollout"),
+    ),
     ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded", "rollout")),
 ]
 
