@@ -6,6 +6,7 @@ differs: it holds the map and what never moves, as the vehicles of an hour would
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from itertools import compress
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +25,7 @@ from interdrive.run.spool import Spool
 from interdrive.run.violations import joined, recorded_violations, violations
 from interdrive.runs import Run
 from interdrive.storage import resolved, whole_folder
+from interdrive.storage.interrupts import uninterrupted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Set
@@ -99,12 +101,18 @@ def write_run(
     """
     if not can_be_streamed(simulation):
         raise InputError("a run that records views, predictions, candidates, messages or a profile cannot be streamed")
+    if states_of(simulation.world.states()).n_steps > 1:
+        now = simulation.time_step
+        raise InputError(f"the simulation is at time step {now} already: only a new one can be streamed")
     path = simulation.scenario.path
     inputs = () if path is None else (path,)
-    with whole_folder(folder, RUN_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
+    # Ctrl-C while the run is finished comes after its folder is in place.
+    with ExitStack() as delayed, whole_folder(folder, RUN_FOLDER, overwrite=overwrite, inputs=inputs) as partial:
         writer = _Writer(simulation, partial)
         try:
-            written = writer.written(on_step)
+            writer.simulate(on_step)
+            delayed.enter_context(uninterrupted())
+            written = writer.finished()
         finally:
             writer.close()
     if not written.run.finished:
@@ -136,8 +144,8 @@ class _Writer:
         self._spool.close()
         self._tables.close()
 
-    def written(self, on_step: Callable[[int, int, int, int], None] | None) -> WrittenRun:
-        """The run, once it is written."""
+    def simulate(self, on_step: Callable[[int, int, int, int], None] | None) -> None:
+        """Simulates until every agent has its outcome, or until Ctrl-C; parts are written whole."""
         simulation = self._simulation
         world, latest = simulation.world, simulation.world.last_time_step or 0
         try:
@@ -146,14 +154,12 @@ class _Writer:
                 if on_step is not None:
                     on_step(world.time_step, len(world.driving), len(simulation.agents), latest)
                 if world.time_step - self._next >= _PART:
-                    self._take(end=False)
+                    with uninterrupted():
+                        self._take(end=False)
         except KeyboardInterrupt:
             if world.time_step == self._first:
                 raise
-            # Until here nothing is lost; a second one leaves no folder.
             simulation.stop()
-        self._take(end=True)
-        return self._finished()
 
     def _take(self, *, end: bool) -> None:
         """Writes what has happened since the last time, and judges those who have left."""
@@ -211,8 +217,8 @@ class _Writer:
             run = self._part(ids[(begin <= window[1]) & (end >= window[0])], *window)
             since = (start if start > first else window[0], start + size)
             self._add_violations(run, {number}, since)
-            if start + size > last:
-                self._explain(run, {number})
+        window = max(first, last - size - margin), min(last + 1, self._next - 1)
+        self._explain(self._part(ids[(begin <= window[1]) & (end >= window[0])], *window), {number})
 
     def _add_violations(self, run: RunRecord, judged: Set[int], since: tuple[int, int] | None = None) -> None:
         """Adds the violations of some participants; `since`: only those that begin at these time steps."""
@@ -260,8 +266,9 @@ class _Writer:
         """All participants until now, without states."""
         return states_of(self._simulation.world.participants())
 
-    def _finished(self) -> WrittenRun:
-        """Writes what is known only now."""
+    def finished(self) -> WrittenRun:
+        """Writes what is left, and what is known only at the end."""
+        self._take(end=True)
         simulation, participants = self._simulation, self._participants
         number = participants.participant_id
         digest = self._spool.digest(number, self._first, self._next - self._first)

@@ -4,13 +4,17 @@ from dataclasses import fields
 from functools import cache
 
 import numpy as np
+import pyarrow.compute as pc
 import pytest
+from sigint import press_ctrl_c
 
 import interdrive as idr
 from interdrive import long_runs
 from interdrive.long_runs import write_run
 from interdrive.results import read_results
+from interdrive.results.stream import RunTables
 from interdrive.run.flows import lane_flows
+from interdrive.run.spool import Spool
 from interdrive.simulation import Simulation
 
 CASES = {
@@ -41,7 +45,7 @@ def held():
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    """Parts so small that a short run has many, and vehicles that stay for long."""
+    """Parts so small that a short run has many."""
     monkeypatch.setattr(long_runs, "_PART", 7)
     monkeypatch.setattr(long_runs, "_BATCH", 3)
 
@@ -91,6 +95,35 @@ def test_an_interrupted_run_is_stored_until_then_and_an_error_leaves_nothing(tmp
     with pytest.raises(ZeroDivisionError):
         write_run(simulation("highway"), tmp_path / "fails", on_step=fail)
     assert [entry.name for entry in tmp_path.iterdir()] == ["until"]
+
+
+@pytest.mark.parametrize(("owner", "name"), [(RunTables, "write"), (Spool, "add")], ids=["tables", "spool"])
+@pytest.mark.usefixtures("small_parts")
+def test_ctrl_c_while_a_part_is_written_leaves_no_hole(owner, name, held, tmp_path, monkeypatch):
+    press_ctrl_c(monkeypatch, owner, name, call=3)
+    with pytest.raises(KeyboardInterrupt, match="the run until then is in"):
+        write_run(simulation("highway"), tmp_path / "until")
+    found = read_results(tmp_path / "until")
+    steps = np.unique(found.states["time_step"].to_numpy())
+    np.testing.assert_array_equal(steps, np.arange(len(steps)))
+    states = held("highway").states
+    own = found.states.filter(pc.equal(found.states["participant_id"], int(states.participant_id[0])))
+    np.testing.assert_array_equal(own["x"].to_numpy(), states.x[0, : len(steps)][states.valid[0, : len(steps)]])
+
+
+def test_ctrl_c_at_the_end_of_a_run_comes_after_its_folder(tmp_path, monkeypatch):
+    press_ctrl_c(monkeypatch, RunTables, "finish")
+    with pytest.raises(KeyboardInterrupt):
+        write_run(simulation("highway"), tmp_path / "whole")
+    assert read_results(tmp_path / "whole").info["finished"]
+
+
+def test_a_simulation_that_has_begun_is_refused_before_anything_is_simulated(tmp_path):
+    begun = simulation("highway")
+    begun.step()
+    with pytest.raises(idr.InputError, match="at time step 1 already: only a new one can be streamed"):
+        write_run(begun, tmp_path / "begun")
+    assert not (tmp_path / "begun").exists()
 
 
 def test_a_run_that_records_more_than_states_is_refused(tmp_path):

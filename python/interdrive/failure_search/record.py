@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -90,8 +91,12 @@ class Record:
 
         The row stays as it is if there is nothing to keep, or if the same run is kept already.
         """
-        if kept is None or kept.failure.digest in {one.digest for one in failures(self.folder.path)}:
+        named = {one["folder"] for one in self.folder.rows if one["folder"]}
+        known = {one.digest for one in failures(self.folder.path) if one.folder.name in named}
+        if kept is None or kept.failure.digest in known:
             return row
-        name = f"{1 + sum(bool(one['folder']) for one in self.folder.rows):03d}"
+        name = f"{1 + len(named):03d}"
+        # Ctrl-C may have come between the folder of this failure and its row.
+        shutil.rmtree(self.folder.path / "failures" / name, ignore_errors=True)
         kept.unpack(self.folder.path / "failures" / name)
         return row | {"folder": name, "witness": kept.failure.witness, "shrunk": how}

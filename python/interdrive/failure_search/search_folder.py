@@ -12,6 +12,7 @@ from interdrive.errors import InputError, ResultsError
 from interdrive.failure_search.allocation import SOURCES
 from interdrive.run import OUTCOMES
 from interdrive.storage import Column, Origin, arrow_table, replacing, write_table
+from interdrive.storage.interrupts import uninterrupted
 from interdrive.storage.locks import Locks
 from interdrive.storage.reading import read_json
 from interdrive.storage.writing import json_text
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 _FILE, _LOG, _TABLE = "search.json", "evaluations.jsonl", "evaluations.parquet"
 #: File whose lock says that a process is searching.
 _CLAIM = ".claim"
+#: What was found before, while it is driven again.
+_BEFORE = ".before"
 
 #: Whether a failure that is kept was made small.
 SHRUNK = ("", "yes", "ended", "lost")
@@ -82,6 +85,7 @@ class SearchFolder:
         self.undisturbed: list[tuple[str, int, str]] | None = self._opened()
         self._claim()
         self.rows: list[dict[str, Any]] = []
+        self._settle()
         if (path / _LOG).exists():
             self.rows = logged(path)
             self._go_back(to_unshrunk=goes_back)
@@ -92,14 +96,34 @@ class SearchFolder:
         """Forgets folders without a row, and the runs from the first failure on that is still to be made small.
 
         They are driven again, so that a search that goes on ends with the same failures, under the same numbers, as one
-        that was not interrupted.
+        that was not interrupted. Until it has come as far again, they are kept aside.
         """
         unshrunk = (place for place, row in enumerate(self.rows) if to_unshrunk and row.get("shrunk") == "ended")
-        del self.rows[next(unshrunk, len(self.rows)) :]
+        first = next(unshrunk, len(self.rows))
+        if first < len(self.rows):
+            with replacing(self.path / _BEFORE) as part:
+                part.mkdir(exist_ok=True)
+                shutil.copy2(self.path / _LOG, part / _LOG)
+                shutil.copytree(self.path / "failures", part / "failures")
+        del self.rows[first:]
         kept = {row["folder"] for row in self.rows}
         for folder in (self.path / "failures").glob("*"):
             if folder.is_dir() and folder.name not in kept:
                 shutil.rmtree(folder)
+
+    def _settle(self) -> bool:
+        """Puts back what was found before, if the search did not come as far again; says whether it did so."""
+        before = self.path / _BEFORE
+        if not before.is_dir():
+            return False
+        is_shorter = len(logged(self.path)) < len(logged(before))
+        if is_shorter:
+            shutil.rmtree(self.path / "failures", ignore_errors=True)
+            shutil.copytree(before / "failures", self.path / "failures")
+            with replacing(self.path / _LOG) as part:
+                shutil.copy2(before / _LOG, part)
+        shutil.rmtree(before)
+        return is_shorter
 
     def _opened(self) -> list[tuple[str, int, str]] | None:
         """How pairs ended undisturbed, if the folder holds the same search; None if it holds none yet."""
@@ -126,6 +150,9 @@ class SearchFolder:
 
     def close(self) -> None:
         """Lets other processes go on with it; a folder in which nothing was searched is removed."""
+        if self._settle():
+            self.rows = logged(self.path)
+            self.write_table()
         if self._locks is not None:
             (self.path / _CLAIM).unlink(missing_ok=True)
             self._locks.close()
@@ -142,10 +169,11 @@ class SearchFolder:
             )
 
     def add(self, row: dict[str, Any]) -> None:
-        """Adds a run to the log; it is there when the next one is added."""
-        self.rows.append(row)
-        with (self.path / _LOG).open("a", encoding="utf-8") as log:
-            log.write(json_text(row) + "\n")
+        """Adds a run, to the log first: Ctrl-C finds it in both or in neither."""
+        with uninterrupted():
+            with (self.path / _LOG).open("a", encoding="utf-8") as log:
+                log.write(json_text(row) + "\n")
+            self.rows.append(row)
 
     def write_table(self) -> None:
         """Writes the runs of the log as a table."""

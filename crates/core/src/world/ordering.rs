@@ -2,7 +2,7 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{COMFORTABLE_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED, could_stop, reverses};
+use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED, could_stop, reverses};
 use crate::control::{Signal, Turn};
 use crate::geometry::Pose;
 use crate::plan::Planner;
@@ -255,9 +255,7 @@ impl World {
                     let should_wait = area.first == Some(1 - side) && !is_inside;
                     let yielding = match should_wait {
                         _ if entry + BEFORE_LINE >= held_at => Yielding::Yes,
-                        true if velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * entry || goes_elsewhere() => {
-                            Yielding::Yes
-                        }
+                        true if could_stop(velocity, entry) || goes_elsewhere() => Yielding::Yes,
                         true => Yielding::IfTrusted,
                         false => Yielding::No,
                     };
