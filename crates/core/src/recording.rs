@@ -328,5 +328,6 @@ impl Recording {
 /// Writes the rows of participants that are there, and their states.
 fn write_present(states: &[Option<State>], column: &mut Vec<(usize, State)>) {
     column.clear();
+    column.reserve(states.iter().flatten().count());
     column.extend(states.iter().enumerate().filter_map(|(row, state)| Some((row, (*state)?))));
 }

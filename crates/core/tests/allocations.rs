@@ -62,9 +62,9 @@ const LIMITS: [(&str, [usize; 2], f64); 5] = [
     // All but 24 for the orders at junctions, which are found once for every set of bodies that agents see there.
     ("predict", [402, 402], 8.1),
     ("predict, neural,", [19, 21], 0.1),
-    // About 32 for every plan: proposals are stored until the search ends.
-    ("plan", [808, 808], 33.0),
-    ("step", [7, 8], 0.2),
+    // About 18 for every plan: proposals are stored until the search ends.
+    ("plan", [465, 465], 18.5),
+    ("step", [7, 7], 0.1),
 ];
 
 /// One test, so that nothing else allocates meanwhile.
