@@ -273,7 +273,7 @@ impl ReferencePath {
         const CONVEX: f64 = 0.9;
         const STEPS: usize = 4;
         let squared = |i: usize| (p - self.knots[i].position).norm_squared();
-        let mut start = hint.clamp(from, to);
+        let mut start = hint.max(from).min(to);
         for _ in 0..STEPS {
             let knot = &self.knots[start];
             let ahead = (p - knot.position).dot(knot.tangent) * self.inverse_spacing;

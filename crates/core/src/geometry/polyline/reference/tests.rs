@@ -236,6 +236,7 @@ fn the_nearest_knot_is_that_of_all_knots_wherever_the_search_begins() {
     for points in [figure_of_eight(), hairpin(), rough_corner()] {
         let path = ReferencePath::through(&points).expect("valid");
         let last = path.knots.len() - 1;
+        assert_eq!(path.project_near(path.at(5.0).position, 5.0, -1.0), None, "a window with nothing in it");
         for (from, to) in [(0, last), (last / 3, last), (last / 4, last / 2)] {
             for hint in [from, usize::midpoint(from, to), to] {
                 for step in 0..400_u32 {
