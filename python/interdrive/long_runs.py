@@ -43,7 +43,7 @@ _STATE = 49
 _PART = 100
 #: ... and outcomes and violations are judged when so many participants have left with all that they met, ...
 _BATCH = 64
-#: ... but nobody waits for those that stay longer than this [s]: they are judged in pieces of this length, ...
+#: ... but participants that stay longer than this [s] are judged in pieces of this length, ...
 _PIECE = 300.0
 #: ... each with so much before and behind it [s].
 _MARGIN = 60.0
@@ -162,7 +162,7 @@ class _Writer:
             simulation.stop()
 
     def _take(self, *, end: bool) -> None:
-        """Writes what has happened since the last time, and judges those who have left."""
+        """Writes what has happened since the last time, and judges participants that have left."""
         raw, raw_plans = self._simulation.world.take_recorded(end)
         raw.pop("row")
         states, plans = states_of(raw), Plans(**raw_plans)
@@ -257,7 +257,7 @@ class _Writer:
         )
 
     def _forget_obstructions(self, ids: Ints) -> None:
-        """Gives back plans of those who are judged."""
+        """Gives back the plans of judged participants."""
         whole = _joined(self._obstructed)
         self._obstructed = [_rows_of(whole, ~np.isin(whole.agent_id, ids))]
 

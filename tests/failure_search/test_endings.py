@@ -8,6 +8,7 @@ import types
 
 import pyarrow.parquet as pq
 import pytest
+from braking_leader import AGENT, BRAKING, LEADER
 from sigint import press_ctrl_c
 
 import interdrive as idr
@@ -19,21 +20,8 @@ from interdrive.failure_search.rates import different, yields
 from interdrive.failure_search.spaces import with_drivers
 from interdrive.testing import Car, straight_road, world
 
-AGENT, LEADER = 101, 102
 #: The module, which the function hides.
 SEARCH = sys.modules["interdrive.failure_search.search"]
-#: A leader that may brake, and nothing else.
-BRAKING = Space(
-    start_time=(0.0, 0.0),
-    start_speed=(1.0, 1.0),
-    driver=(),
-    errors=("brakes",),
-    error_share=0.5,
-    error_time=(0.0, 4.0),
-    sight=(80.0, 80.0),
-    occlusion=0.0,
-    others=1,
-)
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ import drivers
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from braking_leader import AGENT, BRAKING, LEADER
 from click.testing import CliRunner
 
 import interdrive as idr
@@ -33,19 +34,6 @@ from interdrive.native_settings import RoadSettings
 from interdrive.scenario.native import core_road
 from interdrive.testing import Car, straight_road, world
 
-AGENT, LEADER = 101, 102
-#: A leader that may brake, and nothing else.
-BRAKING = Space(
-    start_time=(0.0, 0.0),
-    start_speed=(1.0, 1.0),
-    driver=(),
-    errors=("brakes",),
-    error_share=0.5,
-    error_time=(0.0, 4.0),
-    sight=(80.0, 80.0),
-    occlusion=0.0,
-    others=1,
-)
 RUNS = 12
 #: A planner that does not see what is ahead.
 BLIND = "drivers:Straight"
@@ -379,7 +367,7 @@ def test_messages_are_lost_only_where_agents_have_v2x(file, tmp_path):
     assert (lossy.loss, lossy.words()) == (0.25, "25 % of messages are lost")
     assert disturbance(space, "idm", pair, list(point.values())).loss is None
     assert "v2x_loss" not in Space().with_v2x(is_on=False).coordinates
-    with pytest.raises(InputError, match="nobody has V2X; set v2x"):
+    with pytest.raises(InputError, match="no vehicle has V2X; set v2x"):
         searched(file, tmp_path / "none", space=replace(BRAKING, v2x_loss=(0.5, 1.0)))
 
 

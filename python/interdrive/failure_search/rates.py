@@ -27,7 +27,7 @@ class Yield:
     Attributes:
         source: One of `interdrive.failure_search.SOURCES`, or "directed": all but the uniform ones.
         runs: Runs that were driven.
-        lost: Runs besides whose process was lost, of which nobody knows whether they fail.
+        lost: Runs besides whose process was lost, so that it is unknown whether they fail.
         failures: Runs that failed.
         signatures: Different signatures among these.
         rate: Share of the driven runs that fail, with its 95 % interval (Clopper and Pearson), whose upper end counts

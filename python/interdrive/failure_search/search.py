@@ -42,7 +42,7 @@ class Found:
     Attributes:
         failures: Failures, in the order in which they were found.
         runs: Runs of the search.
-        lost_runs: Of these, runs whose process ended or took too long, of which nobody knows whether they fail.
+        lost_runs: Of these, runs whose process ended or took too long, so that it is unknown whether they fail.
         uniform_runs: Of these, drawn uniformly, and driven.
         uniform_failures: Failures among them.
         rate: Share of uniform runs that fail, with its 95 % interval (Clopper and Pearson), whose upper end counts lost

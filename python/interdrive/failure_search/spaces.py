@@ -160,7 +160,7 @@ class Space:
         return replace(self, driver=able)
 
     def with_v2x(self, *, is_on: bool) -> Space:
-        """The same without losses of messages where nobody sends any.
+        """The same without losses of messages where no vehicle sends any.
 
         Args:
             is_on: Agents have V2X.
@@ -171,7 +171,7 @@ class Space:
         if is_on or self.v2x_loss[1] == 0.0:
             return self
         if self.v2x_loss != Space.v2x_loss:
-            raise InputError("v2x_loss", "nobody has V2X; set v2x.penetration")
+            raise InputError("v2x_loss", "no vehicle has V2X; set v2x.penetration")
         return replace(self, v2x_loss=(0.0, 0.0))
 
 

@@ -84,7 +84,7 @@ class Spool:
         """States of participants from one time step to another; nan while they are not there.
 
         Args:
-            participants: Who, without states.
+            participants: The participants, without states.
             first: First time step.
             last: Last time step, included.
         """

@@ -98,7 +98,7 @@ impl World {
         for drive in &mut self.drives {
             if drive.outcome.kind != OutcomeKind::Running {
                 self.states[drive.row] = None;
-                // Who has just ended may drive on.
+                // An agent that has just ended may drive on.
                 if drive.outcome.time_step + 1 < self.time_step {
                     drive.forget();
                 }
