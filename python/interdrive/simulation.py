@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from array import array
 from contextlib import nullcontext
@@ -40,13 +39,13 @@ from interdrive.run.flows import demand_of
 from interdrive.run.goals import said_seconds
 from interdrive.run.logs import CandidateLog, PredictionLog, ProfileLog
 from interdrive.run.orders import orders_of
-from interdrive.run.reasons import NO_ROOM, STANDSTILL, reasons
+from interdrive.run.reasons import NO_ROOM, STANDSTILL, reasons, said_count
 from interdrive.run.violations import violations
 from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario, SourceOptions
 from interdrive.scenario.agents import normalized, select
 from interdrive.scenario.native import core_road, core_scenario, thread_count
-from interdrive.traffic import Generated, entered_at, generated, map_alone
+from interdrive.traffic import Generated, TrafficMaker, entered_at, map_alone
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence, Set
@@ -92,6 +91,7 @@ class Simulation:
         threads: int | None = None,
         on_planner_error: Literal["end_agent", "raise"] = "end_agent",
         planner_processes: bool = True,
+        on_setup: Callable[[str, int, int], None] | None = None,
     ) -> None:
         """Prepares agents, routes and the world.
 
@@ -115,10 +115,13 @@ class Simulation:
                 "raise": it passes through, for a debugger; planners then stay in this process, without a time limit.
             planner_processes: Planners in Python whose class has `parallel = True` get processes of their own; False:
                 they stay in this process, which starts sooner. Results do not depend on it.
+            on_setup: Called while agents are prepared, which takes seconds for a thousand generated vehicles, with what
+                is done now, the number of those that are done, and of all; that is 0 where it is not known.
 
         Raises:
             InputError: The input cannot be used; one line states why.
         """
+        self._on_setup = on_setup or (lambda what, done, total: None)
         self.threads = thread_count(threads)
         if on_planner_error not in ("end_agent", "raise"):
             raise InputError(f"on_planner_error must be 'end_agent' or 'raise', not {on_planner_error!r}")
@@ -183,20 +186,15 @@ class Simulation:
         settings = self.settings.traffic
         if not settings.is_on:
             return Generated()
-        needed = math.ceil(settings.duration / self.scenario.dt)
-        most = _core.steps_at_most(self.settings.step, self.scenario.obstacles.n_steps, [(0, needed)])
-        if needed > most:
-            raise InputError(
-                "traffic.duration",
-                f"{settings.duration:g} s are {needed} time steps, but runs end after {most}; set step.max_steps",
-            )
-        return generated(self.scenario, self.road, settings, self.seed, chosen)
+        maker = TrafficMaker(self.scenario, self.road, settings, self.settings.step)
+        return maker.made(self.seed, chosen, on_vehicle=partial(self._on_setup, "making traffic"))
 
     def __repr__(self) -> str:
         return f"<Simulation of {self.scenario.name}: {len(self.agents)} agents, time step {self.world.time_step}>"
 
     def reset(self) -> None:
         """Returns to the first time step, with new planners and a new predictor."""
+        self._on_setup(f"preparing {said_count(len(self.agents), 'agent')}", 0, 0)
         self._n_predicted = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._python_planners: dict[int, Planner] = {}

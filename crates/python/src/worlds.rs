@@ -300,8 +300,9 @@ impl PyWorlds {
         Ok(())
     }
 
-    /// Queues the next episode of a world; `planners` are those of its own, with the positions that they drive.
-    #[pyo3(signature = (world, stage, first_time_step, learners, planners=Vec::new()))]
+    /// Queues the next episode of a world; `planners` are those of its own, with the positions that they drive, and
+    /// `generated` vehicles that drive besides.
+    #[pyo3(signature = (world, stage, first_time_step, learners, planners=Vec::new(), generated=Vec::new()))]
     fn queue(
         &mut self,
         world: usize,
@@ -309,9 +310,12 @@ impl PyWorlds {
         first_time_step: i64,
         learners: Vec<usize>,
         planners: Vec<(usize, PyRef<'_, PyPlanner>)>,
+        generated: Vec<PyRef<'_, PyAgent>>,
     ) -> PyResult<()> {
         let planners = planners.into_iter().map(|(position, planner)| (position, planner.0.clone())).collect();
-        self.worlds.queue(world, EpisodeSpec { stage, first_time_step, learners, planners }).map_err(exception)
+        let generated = generated.iter().map(|agent| Arc::clone(&agent.0)).collect();
+        let spec = EpisodeSpec { stage, first_time_step, learners, planners, generated };
+        self.worlds.queue(world, spec).map_err(exception)
     }
 
     /// Begins the queued episodes of the worlds for which it is true.

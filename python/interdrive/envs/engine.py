@@ -36,10 +36,12 @@ if TYPE_CHECKING:
 
 #: Most worlds of an environment, and most rows of a world.
 COUNT_MAX = 1_000_000
-#: Seeds of drivers are below this.
+#: Seeds of drivers and of generated traffic are below this.
 _SEEDS = 2**32
 #: Memory that a world needs per participant, of which states and plans are kept [bytes]; 6.5 kB measured in `town`.
 _PARTICIPANT_SIZE = 8_000
+#: And per generated vehicle, of this episode and of the next one, with their ways [bytes].
+_GENERATED_SIZE = 40_000
 
 
 def checked_seed(seed: Any) -> int | None:  # noqa: ANN401 - whatever the user gives
@@ -76,9 +78,13 @@ def _require_memory(n_worlds: int, slots: int, n_observations: int, pictures: bo
     Raises:
         InputError: They need more than `MEMORY_SHARE` of what is free.
     """
-    most = max(len(stage.scenario.obstacles.ids) + len(stage.agents) for stage in stages)
+    most = max(
+        (len(stage.scenario.obstacles.ids) + len(stage.agents)) * _PARTICIPANT_SIZE
+        + stage.n_generated * _GENERATED_SIZE
+        for stage in stages
+    )
     row = 4 * n_observations + (math.prod(_core.RASTER) if pictures else 0)
-    needed, free = n_worlds * (most * _PARTICIPANT_SIZE + 2 * slots * row), free_memory()
+    needed, free = n_worlds * (most + 2 * slots * row), free_memory()
     if needed > MEMORY_SHARE * free:
         raise InputError(
             f"{n_worlds} worlds with {slots} rows each need about {needed / 2**30:.1f} GiB; "
@@ -254,16 +260,17 @@ class Engine:
         number = min(self.slots, wanted if isinstance(wanted, int) else n)
         order = rng.permutation(n)
         learners = tuple(sorted(start.eligible[i] for i in order[:number].tolist()))
-        # Without drivers nothing more is drawn.
-        seed = int(rng.integers(_SEEDS)) if stage.has_drivers else 0
+        # Without drivers and generated traffic nothing more is drawn.
+        seed = int(rng.integers(_SEEDS)) if stage.needs_seed else 0
         self.put(world, Episode(index, start.time_step, learners, seed))
 
     def put(self, world: int, episode: Episode | None) -> None:
         """Makes an episode the next one of a world."""
         self.queued[world] = episode
         if episode is not None:
-            own = self.stages[episode.stage].drawn(episode.seed)
-            self.worlds.queue(world, episode.stage, episode.time_step, list(episode.learners), own)
+            stage = self.stages[episode.stage]
+            own, generated = stage.drawn(episode.seed), stage.generated(episode)
+            self.worlds.queue(world, episode.stage, episode.time_step, list(episode.learners), own, generated)
 
     def _redraw(self) -> None:
         """Gives queued episodes the planners of other traffic."""
@@ -344,14 +351,23 @@ class Engine:
         setup = self.setup.updated(changes)
         if "traffic" in changes:
             stages = stages_of(setup)
+            if [_ids(stage) for stage in stages] != [_ids(stage) for stage in self.stages]:
+                raise InputError(
+                    "traffic",
+                    "recorded vehicles cannot come or go; make another environment, or keep them: recorded,...",
+                )
             self.worlds.set_stages([stage.core for stage in stages])
-            had_drivers = any(stage.has_drivers for stage in self.stages)
+            needed_seeds = any(stage.needs_seed for stage in self.stages)
             self.stages = stages
-            if had_drivers or any(stage.has_drivers for stage in stages):
+            if needed_seeds or any(stage.needs_seed for stage in stages):
                 self._redraw()
         self.worlds.set_rewards(setup.settings.reward)
         self.setup = setup
         self.history.update(dict(changes))
+
+
+def _ids(stage: Stage) -> list[int]:
+    return [agent.id for agent in stage.agents]
 
 
 def _repeated(setup: Setup, made_with: dict[str, Any], arrays: dict[str, NDArray[Any]], history: History) -> Engine:

@@ -28,7 +28,7 @@ class Episode:
         stage: Position of its scenario.
         time_step: Its first time step.
         learners: Positions of its learners.
-        seed: Of what drivers of others draw; 0 if no planner has drivers.
+        seed: Of what drivers of others draw, and of generated traffic; 0 without both.
     """
 
     stage: int

@@ -11,9 +11,11 @@ from interdrive.envs.engine import Drives
 from interdrive.errors import InputError
 from interdrive.native_settings import Kinematic
 from interdrive.run import Plans, Timings
-from interdrive.run.assemble import agent_records, digest, outcomes_of, states_of
+from interdrive.run.assemble import agent_records, digest, first_states, outcomes_of, states_of
+from interdrive.run.flows import demand_of
 from interdrive.run.reasons import reasons
 from interdrive.runs import Run
+from interdrive.traffic import entered_at
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,7 +44,9 @@ def _run_of(engine: Engine) -> Run:
     raw = worlds.outcomes(0)
     learners = {stage.agents[position].id for position in episode.learners}
     driven = set(raw["agent_id"].tolist())
-    names = {i: LEARNER if i in learners else stage.configs[i].planner.name for i in driven}
+    made, configs = stage.traffic(episode)
+    configs = {**stage.configs, **configs}
+    names = {i: LEARNER if i in learners else configs[i].planner.name for i in driven}
     outcomes = outcomes_of(raw, names, {})
     agents = [agent for agent in stage.agents if agent.id in driven]
     first = episode.time_step
@@ -50,16 +54,23 @@ def _run_of(engine: Engine) -> Run:
         replace(agent, initial_state=replace(agent.initial_state, time_step=max(first, agent.initial_state.time_step)))
         for agent in agents
     ]
+    firsts = first_states(states, [agent.id for agent in made.agents])
+    begun += [
+        agent if agent.queue is None or agent.id not in firsts else entered_at(agent, *firsts[agent.id])
+        for agent in made.agents
+    ]
+    lanes = made.lane_ids, made.due, made.exit_ids, made.lengths
+    entered = {number: state.time_step for number, state in firsts.items()}
     settings: RunSettings = {
-        "agents": sorted(driven),
-        "planner": {str(i): name for i, name in sorted(names.items())},
+        "agents": sorted(driven - made.drivers.keys()),
+        "planner": {str(i): name for i, name in sorted(names.items()) if i not in made.drivers},
         "views": {},
         "rules": {},
         "predictor": str(engine.setup.predictor),
         "repeatable": False,
         "seed": episode.seed,
         "threads": 1,
-        "settings": flatten(engine.setup.settings.simulation),
+        "settings": flatten(stage.config.settings),
     }
     run = Run(
         scenario=stage.scenario,
@@ -72,6 +83,7 @@ def _run_of(engine: Engine) -> Run:
         notes=stage.scenario.notes,
         digest=digest(states),
         finished="running" not in outcomes.outcome,
+        demand=None if stage.maker is None else demand_of(made.agents, lanes, entered, outcomes, stage.scenario.dt),
     )
     return replace(run, outcomes=replace(outcomes, reason=reasons(run, stage.road)))
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from interdrive.config.binding import bind
-from interdrive.config.schema import SimulationSettings
+from interdrive.config.schema import SimulationSettings, TrafficSpec
 from interdrive.config.specs import PlannerSpec, PredictorSpec
 from interdrive.envs.actions import Actions
 from interdrive.errors import InputError
@@ -23,9 +23,9 @@ ScenariosSpec: TypeAlias = str | Path | Scenario | Sequence[str | Path | Scenari
 #: Which agents learn: a number, "all", or ids.
 Learners: TypeAlias = int | Literal["all"] | Sequence[int]
 
-#: What drives the others that could be agents: "recorded", a planner, or planners by id (others are recorded).
-Traffic: TypeAlias = PlannerSpec | Mapping[int, PlannerSpec]
-
+#: What drives the others that could be agents: "recorded", a planner, or planners by id (others are recorded). With a
+#: rate or a density: generated traffic in the place of recorded vehicles, or besides them ("recorded,rate=600").
+Traffic: TypeAlias = PlannerSpec | Mapping[int, PlannerSpec] | TrafficSpec
 
 #: An action lasts this long if nothing else is said [s], rounded to time steps.
 DECISION_SECONDS = 0.1

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from interdrive import _core
 from interdrive.batches.plan import scenario_files
-from interdrive.config.agent_config import agent_configs, core_agent, drawn_planners, run_config
+from interdrive.config.agent_config import agent_configs, core_agent, drawn_planners
 from interdrive.envs.actions import FrenetWeights
+from interdrive.envs.history import Episode
+from interdrive.envs.traffic import read_traffic
 from interdrive.errors import InputError
 from interdrive.files import open_scenario, shipped_scenario, shipped_scenarios
 from interdrive.planners import Rollout, native_planner
@@ -20,9 +22,12 @@ from interdrive.prediction_evaluation.split import read_split
 from interdrive.scenario import Scenario
 from interdrive.scenario.agents import select
 from interdrive.scenario.native import core_road, core_scenario
+from interdrive.traffic import Generated, TrafficMaker, without_recorded_traffic
 
 if TYPE_CHECKING:
-    from interdrive.config.agent_config import AgentConfig, PlannersSpec, RunConfig
+    from collections.abc import Mapping
+
+    from interdrive.config.agent_config import AgentConfig, RunConfig
     from interdrive.config.specs import Resolved
     from interdrive.envs.settings import EnvSettings, Setup
     from interdrive.scenario.agents import Agent
@@ -62,6 +67,8 @@ class Stage:
         config: Planners of agents that do not learn.
         reverse: Traffic may back out.
         has_drivers: Agents that do not learn draw drivers, anew for every episode.
+        maker: Makes generated traffic, anew for every episode; None without it.
+        n_generated: About so many generated vehicles an episode has.
     """
 
     scenario: Scenario
@@ -74,6 +81,31 @@ class Stage:
     config: RunConfig
     reverse: bool
     has_drivers: bool
+    maker: TrafficMaker | None = None
+    n_generated: int = 0
+
+    @property
+    def needs_seed(self) -> bool:
+        """Whether episodes differ by their seed."""
+        return self.has_drivers or self.maker is not None
+
+    def traffic(self, episode: Episode) -> tuple[Generated, dict[int, AgentConfig]]:
+        """The generated traffic of an episode, and its planners, views and rules by id."""
+        if self.maker is None:
+            return Generated(), {}
+        driving = {agent.id for agent in self.agents if self.configs[agent.id].planner.native != "recorded"}
+        driving |= {self.agents[place].id for place in episode.learners}
+        others = [agent for agent in self.agents if agent.id in driving]
+        made = self.maker.made(episode.seed, others, episode.time_step)
+        recorded = set(self.scenario.obstacles.ids.tolist())
+        own = agent_configs(self.config, {}, {}, {}, made.agents, recorded, episode.seed, made.drivers)[0]
+        return made, own
+
+    def generated(self, episode: Episode) -> list[_core.Agent]:
+        """The generated vehicles of an episode."""
+        made, own = self.traffic(episode)
+        planners = {agent.id: _native(own[agent.id].planner, reverse=self.reverse) for agent in made.agents}
+        return [core_agent(agent, own[agent.id], planners[agent.id]) for agent in made.agents]
 
     def drawn(self, seed: int) -> list[tuple[int, _core.Planner]]:
         """Planners of the agents that draw drivers, with their positions, for the seed of an episode."""
@@ -94,7 +126,9 @@ def stages_of(setup: Setup) -> list[Stage]:
     wanted = setup.learners
     if not isinstance(wanted, str | int) and len(scenarios) != 1:
         raise InputError("learners", f"ids need exactly one scenario, {len(scenarios)} given")
-    config = _config(setup)
+    config, is_alone = read_traffic(setup.traffic, setup.settings.simulation)
+    if is_alone:
+        scenarios = [without_recorded_traffic(scenario) for scenario in scenarios]
     found = [_stage(scenario, setup, config) for scenario in scenarios]
     if not isinstance(wanted, str | int):
         return [_with_ids(found[0], list(wanted))]
@@ -102,8 +136,10 @@ def stages_of(setup: Setup) -> list[Stage]:
     most = max(found, key=_largest)
     if _largest(most) < least:
         what = f"{least} vehicles" if least > 1 else "a vehicle"
+        why = "; generated traffic leaves only planning problems: see traffic" if is_alone else ""
         raise InputError(
-            "learners", f"no scenario has {what} that can learn; the most is {_largest(most)} ({most.scenario.name})"
+            "learners",
+            f"no scenario has {what} that can learn; the most is {_largest(most)} ({most.scenario.name}){why}",
         )
     fit = [_with_at_least(stage, least) for stage in found if _largest(stage) >= least]
     if len(fit) < len(found):
@@ -193,7 +229,7 @@ def _belongs(path: Path, settings: EnvSettings) -> bool:
 
 
 def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
-    simulation = setup.settings.simulation
+    simulation = config.settings
     if scenario.sumo is not None:
         raise InputError("scenarios", f"{scenario.name}: SUMO drives its traffic, which environments do not have")
     steps = (setup.settings.decision_seconds or scenario.dt) / scenario.dt
@@ -228,7 +264,7 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
     core = _core.Stage(recorded, handles, planners, learning)
     starts = tuple(_starts(core, scenario, agents, setup.settings))
     has_drivers = bool(drawn_planners(config, agents, set(scenario.obstacles.ids.tolist()), 0))
-    return Stage(
+    stage = Stage(
         scenario,
         road,
         tuple(agents),
@@ -240,6 +276,15 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
         reverse=setup.settings.reverse,
         has_drivers=has_drivers,
     )
+    return _with_traffic(stage) if simulation.traffic.is_on and starts else stage
+
+
+def _with_traffic(stage: Stage) -> Stage:
+    """The stage with generated traffic, of which some is made to see whether that works."""
+    settings = stage.config.settings
+    made = replace(stage, maker=TrafficMaker(stage.scenario, stage.road, settings.traffic, settings.step))
+    first = stage.starts[0]
+    return replace(made, n_generated=len(made.generated(Episode(0, first.time_step, first.eligible[:1]))))
 
 
 def _native(chosen: Resolved, *, reverse: bool) -> _core.Planner:
@@ -250,16 +295,6 @@ def _native(chosen: Resolved, *, reverse: bool) -> _core.Planner:
     if native is None:
         raise InputError("traffic", f"{chosen.name} is not a native planner")
     return native
-
-
-def _config(setup: Setup) -> RunConfig:
-    given: Any = setup.traffic
-    is_by_id = isinstance(given, Mapping) and "planner" not in given
-    traffic: PlannersSpec = {"default": "recorded", **given} if is_by_id else given
-    try:
-        return run_config(setup.settings.simulation, traffic)
-    except InputError as error:
-        raise error.within("traffic") from None
 
 
 def _configs(scenario: Scenario, config: RunConfig, agents: list[Agent]) -> dict[int, AgentConfig]:

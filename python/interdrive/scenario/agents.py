@@ -14,11 +14,11 @@ from interdrive.errors import InputError, check_between
 from interdrive.scenario.inspection import DRIVABLE_KINDS, candidates
 from interdrive.scenario.known_goals import (
     Information,
+    MapEnds,
     Temperament,
     arrival,
     desired_speed,
     headway_at,
-    map_end,
     onwards,
     route_length,
     track_of,
@@ -235,11 +235,12 @@ def select(
     explicit = not isinstance(agents, str | int)
     chosen = _choose(proposals, reasons, agents, seed)
     built: list[Agent] = []
+    ends = MapEnds(scenario, road)
     waiting = list(chosen)
     while waiting:
         proposal = waiting.pop(0)
         try:
-            built.append(_build(proposal, road, scenario))
+            built.append(_build(proposal, road, scenario, ends))
         except InputError as error:
             if explicit:
                 raise
@@ -276,9 +277,10 @@ def possible_agents(
     """
     proposals, reasons, _ = _proposals(scenario, road, agent_settings, goal_settings, max_steps, _usual_temperament)
     able = []
+    ends = MapEnds(scenario, road)
     for proposal in proposals:
         try:
-            _build(proposal, road, scenario)
+            _build(proposal, road, scenario, ends)
             able.append(proposal.id)
         except InputError as error:
             reasons[proposal.id] = error.message
@@ -614,7 +616,7 @@ def native_goal(goal: tuple[GoalState, ...], pace: float | None = None) -> _core
     )
 
 
-def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> Agent:
+def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario, ends: MapEnds) -> Agent:
     state, dt = proposal.initial_state, scenario.dt
     start = (state.x, state.y, state.orientation, state.velocity)
     user = KINDS.index(proposal.kind)
@@ -625,7 +627,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> 
         else:
             length, keeps_lane = route_length(proposal.speed), proposal.keeps_lane
             route = _core.Route.along(road, *start, proposal.track, keeps_lane=keeps_lane, length=length, user=user)
-            proposal = _leaving_map(proposal, road, scenario, route)
+            proposal = _leaving_map(proposal, ends, route)
             goal = native_goal(proposal.goal)
     except InputError as error:
         raise error.within(f"agent {proposal.id}") from None
@@ -651,10 +653,10 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario) -> 
     )
 
 
-def _leaving_map(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario, route: _core.Route) -> _Proposal:
+def _leaving_map(proposal: _Proposal, ends: MapEnds, route: _core.Route) -> _Proposal:
     """The same, done where its route leads out of the map."""
     length = core_shape(proposal.shape).extent[0]
-    areas = map_end(scenario, road, route.lanelet_ids[-1], length, proposal.speed)
+    areas = ends.areas(route.lanelet_ids[-1], length, proposal.speed)
     if not areas:
         return proposal
     first, last = proposal.initial_state.time_step, proposal.goal[0].time_step[0]

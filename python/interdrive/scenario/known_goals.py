@@ -123,38 +123,51 @@ def route_length(speed: float) -> float:
     return max(_ROUTE_LENGTH, _ROUTE_TIME * speed)
 
 
-def map_end(
-    scenario: Scenario, road: _core.RoadNetwork, last_lanelet: int, length: float, speed: float
-) -> tuple[Shape, ...]:
-    """Where a vehicle leaves the map, if the last lanelet of its route leads out of it.
+class MapEnds:
+    """Where vehicles leave a map, looked up by lanelet."""
 
-    Args:
-        scenario: With the lanelets.
-        road: The same.
-        last_lanelet: Its id.
-        length: Of the vehicle [m].
-        speed: Its desired speed [m/s].
-    """
-    lanelets = scenario.lanelets
-    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
-    side_by_side = [last_lanelet]
-    for neighbours, same in (
-        (lanelets.adjacent_left, lanelets.adjacent_left_same_direction),
-        (lanelets.adjacent_right, lanelets.adjacent_right_same_direction),
-    ):
-        row = rows[last_lanelet]
-        while same[row] and int(neighbours[row]) in rows and int(neighbours[row]) not in side_by_side:
-            side_by_side.append(int(neighbours[row]))
-            row = rows[side_by_side[-1]]
-    areas: list[Shape] = []
-    before = 0.5 * length + max(_MAP_END, _MAP_END_STEPS * speed * scenario.dt)
-    for number in side_by_side:
-        row = rows[number]
-        if lanelets.successors[row] or any(number in ids for ids in lanelets.predecessors):
-            continue
-        centre = 0.5 * (lanelets.left[row] + lanelets.right[row])
-        end = float(np.hypot(*np.diff(centre, axis=0).T).sum())
-        areas += [
-            Shape("polygon", vertices=np.asarray(polygon)) for polygon in road.lane_stretch(number, end, before, 0.0)
-        ]
-    return tuple(areas)
+    def __init__(self, scenario: Scenario, road: _core.RoadNetwork) -> None:
+        """Reads the map.
+
+        Args:
+            scenario: With the lanelets.
+            road: The same.
+        """
+        self._lanelets, self._road, self._dt = scenario.lanelets, road, scenario.dt
+        self._rows = {number: row for row, number in enumerate(scenario.lanelets.ids.tolist())}
+        self._led_from = {number for ids in scenario.lanelets.predecessors for number in ids}
+
+    def areas(self, last_lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
+        """Where a vehicle leaves the map, if the last lanelet of its route leads out of it.
+
+        Args:
+            last_lanelet: Its id.
+            length: Of the vehicle [m].
+            speed: Its desired speed [m/s].
+        """
+        lanelets, found = self._lanelets, []
+        before = 0.5 * length + max(_MAP_END, _MAP_END_STEPS * speed * self._dt)
+        for number in self._side_by_side(last_lanelet):
+            row = self._rows[number]
+            if lanelets.successors[row] or number in self._led_from:
+                continue
+            centre = 0.5 * (lanelets.left[row] + lanelets.right[row])
+            end = float(np.hypot(*np.diff(centre, axis=0).T).sum())
+            found += [
+                Shape("polygon", vertices=np.asarray(polygon))
+                for polygon in self._road.lane_stretch(number, end, before, 0.0)
+            ]
+        return tuple(found)
+
+    def _side_by_side(self, lanelet: int) -> list[int]:
+        """A lanelet and those of its direction beside it."""
+        lanelets, found = self._lanelets, [lanelet]
+        for neighbours, same in (
+            (lanelets.adjacent_left, lanelets.adjacent_left_same_direction),
+            (lanelets.adjacent_right, lanelets.adjacent_right_same_direction),
+        ):
+            row = self._rows[lanelet]
+            while same[row] and int(neighbours[row]) in self._rows and int(neighbours[row]) not in found:
+                found.append(int(neighbours[row]))
+                row = self._rows[found[-1]]
+        return found

@@ -65,6 +65,8 @@ class LaneGraph:
         self._lanelets, self._road = lanelets, road
         self._clear: dict[int, bool] = {}
         self._bend: dict[int, tuple[float, float]] = {}
+        self._lines: dict[int, tuple[Floats, Floats, Floats]] = {}
+        self._ways: dict[int, list[tuple[int, int]]] = {}
         self.ids = [number for number in ids if road.admits(number, _CAR)]
         admitted = set(self.ids)
         after = {number: set(lanelets.successors[row]) for number, row in self.row.items()}
@@ -97,9 +99,11 @@ class LaneGraph:
         """Position [m] and heading [rad] on the centre line at an arc length [m], also a little beyond its end."""
         if s > self.length[lanelet] + 1e-6 and self.after[lanelet]:
             return self.place(self.after[lanelet][0], s - self.length[lanelet])
-        line = self.center(lanelet)
-        steps = np.hypot(*np.diff(line, axis=0).T)
-        at = np.concatenate([[0.0], np.cumsum(steps)])
+        if lanelet not in self._lines:
+            line = self.center(lanelet)
+            steps = np.hypot(*np.diff(line, axis=0).T)
+            self._lines[lanelet] = line, steps, np.concatenate([[0.0], np.cumsum(steps)])
+        line, steps, at = self._lines[lanelet]
         i = int(np.clip(np.searchsorted(at, s, side="right") - 1, 0, len(steps) - 1))
         x, y = line[i] + (line[i + 1] - line[i]) * (s - at[i]) / max(steps[i], 1e-9)
         dx, dy = line[i + 1] - line[i]
@@ -172,6 +176,11 @@ class LaneGraph:
 
         Lanelets that lead to no exit are left out, unless all do.
         """
+        if lanelet not in self._ways:
+            self._ways[lanelet] = self._turns(lanelet)
+        return self._ways[lanelet]
+
+    def _turns(self, lanelet: int) -> list[tuple[int, int]]:
         onward = self.onward(lanelet)
         leading = [other for other in onward if other in self.to_exit] or onward
         if len(leading) < 2 or not self.after[lanelet]:

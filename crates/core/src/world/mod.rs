@@ -46,7 +46,7 @@ pub use entry::Queue;
 pub use outside::Outside;
 pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
-pub(crate) use staging::check_agents;
+pub(crate) use staging::{check_agents, staged};
 pub use step::{Expected, Forecast, Step};
 pub(crate) use threads::Threads;
 
@@ -325,6 +325,11 @@ impl World {
     /// The participants.
     pub fn participants(&self) -> &Arc<Participants> {
         &self.participants
+    }
+
+    /// Its threads.
+    pub(crate) fn threads(&self) -> &Threads {
+        &self.threads
     }
 
     /// What has happened.

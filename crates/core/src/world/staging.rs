@@ -94,7 +94,7 @@ fn way(agent: &Agent, scenario: &Scenario) -> Way {
 ///
 /// # Errors
 /// As [`StagedAgent::new`], of the first agent that has any.
-pub(super) fn staged(agents: &[Arc<Agent>], scenario: &Scenario, threads: &Threads) -> Result<Vec<StagedAgent>> {
+pub(crate) fn staged(agents: &[Arc<Agent>], scenario: &Scenario, threads: &Threads) -> Result<Vec<StagedAgent>> {
     let mut firsts: Vec<usize> = Vec::new();
     let mut by_route: BTreeMap<*const Route, Vec<usize>> = BTreeMap::new();
     let mut way_of = Vec::with_capacity(agents.len());

@@ -132,7 +132,7 @@ impl Episode {
     /// `InvalidInput` if a learner has left by its first step, or all enter after the end of the world; those of
     /// prediction.
     pub(super) fn begin(&mut self, stage: &Arc<Stage>, spec: EpisodeSpec, settings: &WorldsSettings) -> Result<()> {
-        stage.cast(&spec, &mut self.cast)?;
+        stage.cast(&spec, self.world.threads(), &mut self.cast)?;
         // Without others that drive, nothing that is seen later happens before the first learner enters.
         let first = match self.cast.has_traffic() {
             true => spec.first_time_step,

@@ -17,7 +17,7 @@ use crate::plan::learned::ActionSpace;
 use crate::plan::weights::WeightActions;
 use crate::predict::Predictor;
 use crate::recording::OutcomeKind;
-use crate::world::{StepSettings, Threads, World};
+use crate::world::{Agent, StepSettings, Threads, World};
 use episode::Episode;
 pub use rewards::{N_TERMS, RewardWeights};
 use rows::Rows;
@@ -72,7 +72,7 @@ impl WorldsSettings {
 }
 
 /// An episode to be played.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub struct EpisodeSpec {
     /// Position of its stage.
     pub stage: usize,
@@ -82,6 +82,9 @@ pub struct EpisodeSpec {
     pub learners: Vec<usize>,
     /// Planners of its own for vehicles of the stage that have one: by position, ascending.
     pub planners: Vec<(usize, Planner)>,
+    /// Generated vehicles that drive in it besides those of the stage, by ascending ids that are larger than all of the
+    /// scenario.
+    pub generated: Vec<Arc<Agent>>,
 }
 
 /// A learner that has ended in the last call.
@@ -225,7 +228,8 @@ impl Worlds {
     /// Queues the next episode of a world, in place of a queued one.
     ///
     /// # Errors
-    /// `InvalidInput` for a world, scenario, or learner that does not exist, or more learners than rows.
+    /// `InvalidInput` for a world, scenario, or learner that does not exist, more learners than rows, or generated
+    /// vehicles that are impossible.
     pub fn queue(&mut self, world: usize, spec: EpisodeSpec) -> Result<()> {
         let Some(stage) = self.stages.get(spec.stage) else {
             return Err(Error::invalid(format!("there is no scenario {}", spec.stage)));
@@ -238,6 +242,7 @@ impl Worlds {
         if !spec.planners.is_sorted_by(|a, b| a.0 < b.0) || !spec.planners.iter().all(has_planner) {
             return Err(Error::invalid("planners must be of ascending positions of vehicles with planners"));
         }
+        stage.check_generated(&spec.generated)?;
         if spec.learners.is_empty() || spec.learners.len() > self.slots {
             return Err(Error::invalid(format!(
                 "learners: 1 to {} expected, {} given",

@@ -11,7 +11,7 @@ use crate::scenario::Scenario;
 use crate::start::{first_state, past_states};
 use crate::trajectory::State;
 use crate::vehicle::single_track::Kinematic;
-use crate::world::{Agent, StagedAgent, check_agents};
+use crate::world::{Agent, StagedAgent, Threads, check_agents, staged};
 use crate::worlds::EpisodeSpec;
 
 /// The model does what a recorded driver did if it comes so near the next state: [m] and [rad].
@@ -145,12 +145,30 @@ impl Stage {
         self.players.get(position).is_some_and(|player| player.traffic.is_some())
     }
 
+    /// Generated vehicles are possible, and their ids ascend above all of the scenario.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the vehicle.
+    pub(super) fn check_generated(&self, generated: &[Arc<Agent>]) -> Result<()> {
+        if generated.is_empty() {
+            return Ok(());
+        }
+        let states = &self.scenario.obstacles.states;
+        check_agents(generated, states.first_time_step)?;
+        let largest = self.ids().chain(states.ids.iter().copied()).max();
+        let ids = largest.into_iter().chain(generated.iter().map(|agent| agent.id));
+        match ids.is_sorted_by(|a, b| a < b) {
+            true => Ok(()),
+            false => Err(Error::invalid("generated vehicles need ascending ids above all of the scenario")),
+        }
+    }
+
     /// Writes the agents of an episode.
     ///
     /// # Errors
-    /// `InvalidInput` naming a learner that has left by then.
-    pub(super) fn cast(&self, spec: &EpisodeSpec, cast: &mut Cast) -> Result<()> {
-        let EpisodeSpec { learners, first_time_step, planners, .. } = spec;
+    /// `InvalidInput` naming a learner that has left by then; those of a planner of a generated vehicle.
+    pub(super) fn cast(&self, spec: &EpisodeSpec, threads: &Threads, cast: &mut Cast) -> Result<()> {
+        let EpisodeSpec { learners, first_time_step, planners, generated, .. } = spec;
         let first_time_step = *first_time_step;
         cast.agents.clear();
         cast.learners.clear();
@@ -171,6 +189,9 @@ impl Stage {
                 cast.recorded.push(player.row);
             }
             cast.agents.extend(entering);
+        }
+        if !generated.is_empty() {
+            cast.agents.extend(staged(generated, &self.scenario, threads)?);
         }
         Ok(())
     }
