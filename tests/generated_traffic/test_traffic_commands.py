@@ -8,6 +8,7 @@ from click.testing import CliRunner
 
 import interdrive as idr
 from interdrive.cli import main
+from interdrive.simulation import Simulation
 
 QUICK = ["--predictor", "lane_following", "--threads", "1", "--set", "record.violations=false"]
 
@@ -119,3 +120,12 @@ def test_a_batch_makes_other_traffic_for_every_seed():
     table = idr.read_batch("b").to_pylist()
     assert len({row["digest"] for row in table if "digest" in row}) != 1
     assert {row["seed"] for row in table} == {0, 1}
+
+
+def test_what_takes_long_before_the_first_step_is_told():
+    told = []
+    simulation = Simulation(
+        "t_junction", agents=0, traffic="idm,rate=600,duration=20", on_setup=lambda *words: told.append(words)
+    )
+    n = len(simulation.agents)
+    assert told == [("making traffic", done, n) for done in range(1, n + 1)] + [(f"preparing {n} agents", 0, 0)]

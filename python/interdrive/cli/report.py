@@ -188,6 +188,13 @@ class Report:
         """Shows the number of finished items."""
         self._bar.update(self._task, description=escape(text), completed=done, total=total)
 
+    def setup(self, text: str, done: int, total: int) -> None:
+        """Shows what is prepared, counted if the total is known."""
+        if total:
+            self.counted(text, done, total)
+        else:
+            self.say(text)
+
     def frames(self, name: str) -> Callable[[int, int], None]:
         """A counter for the frames of a film."""
         return lambda done, total: self._bar.update(

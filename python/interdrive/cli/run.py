@@ -164,7 +164,7 @@ def run(
         ) as folder,
         progress(quiet=quiet) as report,
     ):
-        report.say(f"reading {choices.scenario}" + " and making its traffic" * settings.traffic.is_on)
+        report.say(f"reading {choices.scenario}")
         simulation = Simulation(
             choices.scenario,
             agents=choices.agents,
@@ -174,6 +174,7 @@ def run(
             seed=choices.seed,
             threads=choices.threads,
             on_planner_error="raise" if raises else "end_agent",
+            on_setup=report.setup,
         )
         written = done = None
         try:

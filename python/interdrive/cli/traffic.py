@@ -79,8 +79,10 @@ def traffic(
     if not settings.traffic.is_on:
         raise InputError("traffic: there is none; give --rate or --density")
     with progress(quiet=quiet) as report:
-        report.say(f"reading {map_file} and making its traffic")
-        simulation = Simulation(map_file, agents=0, settings=settings, seed=seed, threads=threads)
+        report.say(f"reading {map_file}")
+        simulation = Simulation(
+            map_file, agents=0, settings=settings, seed=seed, threads=threads, on_setup=report.setup
+        )
         last = round(settings.traffic.duration / simulation.scenario.dt)
         while not simulation.is_done and simulation.time_step < last:
             simulation.step()
