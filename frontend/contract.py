@@ -32,7 +32,8 @@ def typescript(kind: typing.Any) -> str:  # noqa: ANN401 - any annotation
     if origin is typing.NotRequired:
         return typescript(inside[0])
     if origin is list:
-        return f"{typescript(inside[0])}[]"
+        item = typescript(inside[0])
+        return f"({item})[]" if " | " in item else f"{item}[]"
     if origin is tuple:
         return f"[{', '.join(map(typescript, inside))}]"
     if origin is dict:

@@ -61,6 +61,27 @@ export interface RunEvent {
   value?: number;
 }
 
+/** Generated traffic of one lane as a whole, and by window: flows [1/h], speeds [m/s], vehicles that wait. */
+export interface LaneTraffic {
+  lane: number;
+  side: "in" | "out";
+  due: number | null;
+  vehicles: number;
+  flow: number;
+  speed: number | null;
+  wait: number | null;
+  queue: number | null;
+  flows: number[];
+  speeds: (number | null)[];
+  queues: (number | null)[];
+}
+
+/** Generated traffic by lane; `edges` are those of the windows [s]. */
+export interface Flows {
+  edges: number[];
+  lanes: LaneTraffic[];
+}
+
 /** What the map shows first [rad], [m]. */
 export interface Shown {
   angle: number;
@@ -95,6 +116,7 @@ export interface RunHeader {
   measures: Measure[];
   events: RunEvent[];
   missing: Missing[];
+  flows?: Flows;
   info: Info;
   arrays: Record<string, Entry>;
 }

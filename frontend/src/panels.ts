@@ -3,6 +3,7 @@
 import { agentColor } from "./colors";
 import type { Participant, RunEvent } from "./contract";
 import { button, element, text, toggle } from "./elements";
+import { FlowPanel } from "./flows";
 import { mark, markIcon } from "./marks";
 import type { Run } from "./run";
 import type { State } from "./state";
@@ -20,6 +21,7 @@ export class Panels {
   private readonly agentRows = new Map<number, HTMLElement>();
   private readonly eventRows: HTMLElement[] = [];
   private readonly swatches: [HTMLElement, string | undefined][] = [];
+  private readonly flows: FlowPanel | undefined;
   private marked = "";
   private theme = "";
 
@@ -28,11 +30,13 @@ export class Panels {
     private readonly state: State,
     private readonly jump: (event: number) => void,
   ) {
-    const { events, participants } = run.header;
+    const { events, flows, participants } = run.header;
+    this.flows = flows && new FlowPanel(flows);
     const agents = participants.filter((p) => p.agent >= 0).length;
     const pages: [string, HTMLElement][] = [
       [`Agents (${agents})`, this.agents()],
       [`Events (${events.length})`, this.events()],
+      ...(this.flows ? [["Traffic", this.flows.root] as [string, HTMLElement]] : []),
       ["Run", this.about()],
     ];
     const tabs = element("div", { class: "tabs", role: "tablist" });
@@ -56,6 +60,7 @@ export class Panels {
       this.theme = state.theme;
       for (const [swatch, color] of this.swatches) swatch.style.background = agentColor(color, state.theme);
     }
+    this.flows?.draw(this.run.seconds(state.step));
     const key = `${state.selected} ${state.step} ${state.event}`;
     if (key === this.marked) return;
     this.marked = key;

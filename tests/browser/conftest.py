@@ -130,3 +130,13 @@ def site(tmp_path_factory) -> Path:
     sphinx = [ROOT / ".venv-docs" / "bin" / "python", "-m", "sphinx", "-q", "-C", "-b", "html"]
     subprocess.run([*sphinx, *options, folder, folder / "html"], check=True, timeout=120)
     return folder / "html" / "index.html"
+
+
+@pytest.fixture(scope="session")
+def flowing(tmp_path_factory) -> Path:
+    """Page of the T-junction with generated traffic."""
+    folder = tmp_path_factory.mktemp("flowing") / "run"
+    traffic = "idm,rate=900,duration=30"
+    choices = ["--agents", "0", "--traffic", traffic, "--predictor", "constant_velocity", "--set", "record.candidates=0"]
+    interdrive("run", "t_junction", *choices, "--out", folder, "--report")
+    return folder / "report.html"

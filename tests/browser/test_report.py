@@ -595,3 +595,27 @@ def test_below_the_pointer_a_chart_says_its_value_and_a_vehicle_who_it_is(page, 
     assert re.fullmatch(r"\d+\.\d s: \d+\.\d m/s", value.inner_text())
     page.mouse.move(5, 5)
     assert value.inner_text() == before
+
+
+def test_generated_traffic_has_a_table_by_lane_and_a_figure_of_the_chosen_one(page, demo, flowing):
+    opened(page, demo)
+    assert page.get_by_role("tab", name="Traffic").count() == 0
+    page.set_viewport_size({"width": 1400, "height": 800})
+    opened(page, flowing)
+    page.get_by_role("tab", name="Traffic").click()
+    lanes = header_of(flowing)["flows"]["lanes"]
+    assert page.locator(".flows tr[data-lane]").count() == len(lanes) >= 4
+    assert headings(page, ".flows table") == [
+        "lane", "due", "vehicles", "flow [1/h]", "speed [m/s]", "wait [s]", "queue",
+    ]  # fmt: skip
+    assert page.locator(".side").evaluate("(side) => side.scrollWidth <= side.clientWidth")
+    assert page.locator(".lane-charts h2").inner_text() == f"{lanes[0]['side']} {lanes[0]['lane']}"
+    assert page.locator(".lane-charts figure").count() == 3
+    last = lanes[-1]
+    page.get_by_role("button", name=f"Show lane {last['side']} {last['lane']} over time").click()
+    assert page.locator(".lane-charts h2").inner_text() == f"out {last['lane']}"
+    assert page.locator(".lane-charts figure").count() == 2, "nobody waits before an exit"
+    before = page.locator(".lane-charts .cursor").first.get_attribute("x1")
+    page.locator(".map").focus()
+    page.keyboard.press("Shift+ArrowRight")
+    assert becomes(page, lambda _: page.locator(".lane-charts .cursor").first.get_attribute("x1") != before)

@@ -72,7 +72,7 @@ def test_one_lanes_demand_is_the_same_without_the_other_lane():
     np.testing.assert_allclose(both.route_length[own], alone.route_length)
 
 
-def test_who_waits_enters_later_and_the_table_says_so():
+def test_who_waits_enters_later_and_the_table_says_so(tmp_path):
     # 40 m before the lane's end, beyond which nothing goes on, a parked car blocks the lane.
     scenario = road(300.0, lanes=1, cars=[Car(7, 60.0)])
     scenario = replace(scenario, obstacles=replace(scenario.obstacles, is_static=np.array([True])))
@@ -86,6 +86,9 @@ def test_who_waits_enters_later_and_the_table_says_so():
     into = lane_flows(run)[0]
     assert (into.side, into.lane_id, into.vehicles, into.due) == ("in", 1, entered.sum(), len(entered))
     assert into.queue == len(entered) - entered.sum()
+    again = idr.load(run.save(tmp_path / "run"))
+    assert again.digest == run.digest
+    assert repr(lane_flows(again)) == repr(lane_flows(run))
     np.testing.assert_array_less(demand.due[entered] - 1e-9, demand.entered[entered])
 
 

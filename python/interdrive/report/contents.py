@@ -29,7 +29,8 @@ from interdrive.report.tables import (
     pack_stop_lines,
     pack_views,
 )
-from interdrive.results import read_part, read_results, with_cooperation, with_routes
+from interdrive.report.traffic import flows_of
+from interdrive.results import read_part, read_results, with_cooperation, with_demand, with_routes
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 from interdrive.scoring import score, score_table, stored_score
@@ -118,6 +119,9 @@ def run_contents(folder: str | Path) -> Contents:
         },
         "arrays": packer.header,
     }
+    flows = flows_of(with_demand(run, results))
+    if flows is not None:
+        header["flows"] = flows
     return Contents(header, packer.text())
 
 
@@ -140,6 +144,8 @@ def _lacking(results: Results) -> list[Missing]:
     if results.info.get("cooperation") is not None and results.messages is None:
         text = "Messages were not recorded; run with --report or --set record.messages=links."
         found.append({"what": "links", "text": text})
+    if results.info.get("demand") is not None and results.demand is None:
+        found.append({"what": "flows", "text": "No flows of generated traffic: demand.parquet is missing."})
     return found
 
 

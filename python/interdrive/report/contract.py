@@ -74,6 +74,29 @@ class RunEvent(TypedDict):
     value: NotRequired[float]
 
 
+class LaneTraffic(TypedDict):
+    """Generated traffic of one lane as a whole, and by window: flows [1/h], speeds [m/s], vehicles that wait."""
+
+    lane: int
+    side: Literal["in", "out"]
+    due: int | None
+    vehicles: int
+    flow: float
+    speed: float | None
+    wait: float | None
+    queue: int | None
+    flows: list[float]
+    speeds: list[float | None]
+    queues: list[int | None]
+
+
+class Flows(TypedDict):
+    """Generated traffic by lane; `edges` are those of the windows [s]."""
+
+    edges: list[float]
+    lanes: list[LaneTraffic]
+
+
 class Shown(TypedDict):
     """What the map shows first [rad], [m]."""
 
@@ -111,6 +134,7 @@ class RunHeader(TypedDict):
     measures: list[Measure]
     events: list[RunEvent]
     missing: list[Missing]
+    flows: NotRequired[Flows]
     info: Info
     arrays: dict[str, Entry]
 

@@ -110,6 +110,11 @@ def with_cooperation(part: Part, results: Results) -> Part:
     return replace(part, messages=_rows(Messages, results.messages), agreements=_rows(Agreements, results.agreements))
 
 
+def with_demand(part: RunRecord, results: Results) -> RunRecord:
+    """`part`, as `read_part` gave it, with the generated traffic of `results` and the settings that it was made with."""
+    return replace(part, settings=results.info["settings"], demand=_rows(Demand, results.demand))
+
+
 def _rows(kind: type[Rows], table: ArrowTable | None) -> Rows | None:
     """The record of a table with a row for each of its own; None if there is no table."""
     return None if table is None else kind.of(table)

@@ -83,8 +83,8 @@ def _check_outcomes(found: Mapping[str, Columns], info: Mapping[str, Any]) -> No
         raise Damage("agent_id: the agents are not those of run.json")
     drives = np.unique(states["participant_id"][states["is_agent"].astype(np.bool_)])
     _known("agent_id", drives, ids, "drives in states.parquet, but has no row")
-    # A run may be stopped before an agent has started.
-    waits = (outcomes["outcome"] == "running") & ~np.isin(ids, drives)
+    # A run may be stopped or end before an agent has started, and some find no room to enter.
+    waits = np.isin(outcomes["outcome"], ("running", "time_limit")) & ~np.isin(ids, drives)
     _known("agent_id", ids[~waits], drives, "has no states as an agent")
     partners = outcomes["partner_id"][outcomes["partner_id"] != -1]
     _known("partner_id", partners, states["participant_id"], "has no states")
