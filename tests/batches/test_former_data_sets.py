@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import interdrive as idr
 from interdrive.batches import query
-from interdrive.batches.columns import COLUMNS
+from interdrive.batches.columns import COLUMNS, TRAFFIC_COLUMNS
 from interdrive.cli import main
 from interdrive.comparison import compare
 from interdrive.comparison.scores import batch_scores
@@ -36,8 +36,8 @@ def former(tmp_path_factory):
     folder = tmp_path_factory.mktemp("former") / "batch"
     idr.batch(["t_junction"], folder, planner="idm,lawful", agents=1, workers=1)
     new = pq.read_table(folder / "results.parquet")
-    scores = {column.name for column in SCORE_COLUMNS} - {*KEPT}
-    kept = [column.name for column in COLUMNS if column.name not in scores]
+    later = {column.name for column in (*SCORE_COLUMNS, *TRAFFIC_COLUMNS)} - {*KEPT}
+    kept = [column.name for column in COLUMNS if column.name not in later]
     table = new.select(kept).append_column("score", new["score_1"])
     for name in FORMER_COLUMNS:
         table = table.append_column(name, pa.array([0.5] * table.num_rows, pa.float64()))

@@ -137,6 +137,15 @@ def flowing(tmp_path_factory) -> Path:
     """Page of the T-junction with generated traffic."""
     folder = tmp_path_factory.mktemp("flowing") / "run"
     traffic = "idm,rate=900,duration=30"
-    choices = ["--agents", "0", "--traffic", traffic, "--predictor", "constant_velocity", "--set", "record.candidates=0"]
+    choices = [
+        "--agents",
+        "0",
+        "--traffic",
+        traffic,
+        "--predictor",
+        "constant_velocity",
+        "--set",
+        "record.candidates=0",
+    ]
     interdrive("run", "t_junction", *choices, "--out", folder, "--report")
     return folder / "report.html"

@@ -129,3 +129,14 @@ def test_what_takes_long_before_the_first_step_is_told():
     )
     n = len(simulation.agents)
     assert told == [("making traffic", done, n) for done in range(1, n + 1)] + [(f"preparing {n} agents", 0, 0)]
+
+
+def test_compare_shows_flow_speed_and_queue_of_generated_traffic():
+    for name, traffic in (("with", ["--traffic", "recorded,idm,rate=300,duration=10"]), ("without", [])):
+        words = ["--planner", "idm,idm_mobil", "--agents", "1", "--workers", "1", "--out", f"out/{name}", *traffic]
+        made = call("batch", "t_junction", *words, *QUICK[:2], *QUICK[4:])
+        assert made.exit_code == 0, made.output
+        said = call("compare", f"out/{name}")
+        assert said.exit_code == 0, said.output
+        shown = [words in said.output for words in ("traffic flow [1/h]", "traffic speed [m/s]", "traffic waits [s]")]
+        assert shown == [name == "with"] * 3, said.output

@@ -12,6 +12,7 @@ from interdrive.batches.plan import TRAFFIC
 from interdrive.criticality import MEASURES, AgentHarm, agent_harm
 from interdrive.planners import NATIVE
 from interdrive.run import OUTCOMES, PHASES, VIOLATIONS, Outcomes
+from interdrive.run.flows import whole_flow
 from interdrive.scoring import SCORE_COLUMNS, score_columns
 from interdrive.storage import Column, absent_where, arrow_table, inserted, named, without
 
@@ -81,6 +82,16 @@ RUN_COLUMNS = (
 _ENDED = without(Outcomes.columns, ("agent_id", "planner", "outcome", "time_step", "time_s", "traceback"))
 _HARM = named(AgentHarm.columns, ("impact_area", "harm", "partner_harm"))
 
+_NO_TRAFFIC = "no generated traffic"
+
+#: Columns about the generated traffic of a run; the same in all rows of a run.
+TRAFFIC_COLUMNS = (
+    Column("traffic_flow", "number", "generated vehicles that left the map per hour", "1/h", null=_NO_TRAFFIC),
+    Column("traffic_speed", "number", "mean speed of generated vehicles on the map", "m/s", null=_NO_TRAFFIC),
+    Column("traffic_wait", "number", "mean time that they waited before the map", "s", null=_NO_TRAFFIC),
+    Column("traffic_queue", "integer", "most of them that waited before one lane at once", null=_NO_TRAFFIC),
+)
+
 #: Columns about one agent; null in the one row of a run that did not finish.
 AGENT_COLUMNS = absent_where(
     _UNFINISHED,
@@ -114,6 +125,7 @@ AGENT_COLUMNS = absent_where(
         Column("violations", "integer", "violations of rules of the road by the agent", null=_NOT_RECORDED),
         *(Column(f"n_{rule}", "integer", f"those of the rule {rule}", null=_NOT_RECORDED) for rule in VIOLATIONS),
         Column("plan_seconds", "number", "wall time per plan, mean over its time steps", "s", null="no plans"),
+        *TRAFFIC_COLUMNS,
         *SCORE_COLUMNS,
     ),
 )
@@ -179,6 +191,7 @@ def finished_rows(
         "emergencies": emergencies,
         **_violations(run, ids),
         "plan_seconds": _plan_seconds(run),
+        **_traffic(run, len(ids)),
         **{
             extreme(measure.name, grows=measure.grows): of_agents(criticality.extremes[measure.name].value)
             for measure in MEASURES
@@ -187,6 +200,15 @@ def finished_rows(
         **_scores(scores, ids),
     }
     return arrow_table(COLUMNS, {**_of_run(spec, about, len(ids)), **values})
+
+
+def _traffic(run: Run, n: int) -> dict[str, list[float | None]]:
+    """Flow, speed and queue of generated traffic, for n agents alike; None without it."""
+    found = whole_flow(run)
+    return {
+        column.name: [None if found is None else getattr(found, column.name.removeprefix("traffic_"))] * n
+        for column in TRAFFIC_COLUMNS
+    }
 
 
 def _scores(scores: Score, ids: list[int]) -> dict[str, list[Any]]:

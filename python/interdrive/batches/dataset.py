@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from interdrive.batches.columns import COLUMNS
+from interdrive.batches.columns import COLUMNS, TRAFFIC_COLUMNS
 from interdrive.errors import ResultsError
 from interdrive.scoring import FORMER_COLUMNS, SCORE_COLUMNS
 from interdrive.storage import Origin, check_values, replacing, schema_of
@@ -29,7 +29,7 @@ _ORIGIN = Origin(
 #: Columns of scores, of this format and of the one before, and all columns of the latter that are the same now.
 _SCORES = {column.name for column in SCORE_COLUMNS} | {*FORMER_COLUMNS}
 _KEPT = (
-    {column.name for column in COLUMNS} - _SCORES
+    {column.name for column in COLUMNS} - _SCORES - {column.name for column in TRAFFIC_COLUMNS}
     | {"fault", "fault_kind", "fault_nuplan", "collision_type", "room"}
     | {"straight_ttc_min", "lane_keeping", "excused", "why"}
 )

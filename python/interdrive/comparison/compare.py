@@ -226,6 +226,8 @@ def _differences(
         values = part[f"value of {metric.name}"]
         pair = np.stack([values[a], values[b]])
         known = ~np.isnan(pair).any(axis=0)
+        if metric.traffic and not known.any():
+            continue
         pair, place, file = pair[:, known], group[known], files[known]
         difference = float(_difference(metric, pair, place, file, np.ones((1, drawn.shape[1])))[0])
         n = len(np.unique(place))

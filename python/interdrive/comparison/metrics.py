@@ -36,6 +36,7 @@ class Metric:
         by_file: The mean is over files of the means of their agents, as `interdrive score` and `benchmark` have it.
         better: +1: more is better, -1: less is better, 0: neither by itself.
         rule: Whether it counts violations of one rule of the road.
+        traffic: Whether it is about the generated traffic around agents, which few batches have.
         digits: Behind the point.
         measure: The criticality measure whose texts its values have; None for other numbers.
     """
@@ -51,6 +52,7 @@ class Metric:
     by_file: bool = False
     better: int = -1
     rule: bool = False
+    traffic: bool = False
     digits: int = 1
     measure: Measure | None = None
 
@@ -117,6 +119,10 @@ METRICS = (
     Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", digits=2),
     Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", digits=2),
     Metric("plan_ms", "plan [ms]", "plan_seconds", scale=1000.0, digits=3),
+    Metric("traffic_flow", "traffic flow [1/h]", "traffic_flow", better=1, traffic=True, digits=0),
+    Metric("traffic_speed", "traffic speed [m/s]", "traffic_speed", better=1, traffic=True, digits=2),
+    Metric("traffic_wait", "traffic waits [s]", "traffic_wait", traffic=True),
+    Metric("traffic_queue", "queue", "traffic_queue", traffic=True),
 )
 
 #: Those that are stacked: every agent counts in exactly one of them.

@@ -78,7 +78,13 @@ def sheets_of(found: Comparison, one: ComparedSet) -> Iterator[Sheet]:
 
 def metrics_shown(rows: Sequence[dict[str, Any]]) -> list[Metric]:
     """Metrics that are worth a column in a table with these rows."""
-    return [m for m in METRICS if not (m.outcome or m.rule) or m.name in _ALWAYS or any(row[m.name] for row in rows)]
+
+    def is_worth_it(metric: Metric) -> bool:
+        if metric.traffic:
+            return any(row[metric.name] is not None for row in rows)
+        return not (metric.outcome or metric.rule) or metric.name in _ALWAYS or any(row[metric.name] for row in rows)
+
+    return [metric for metric in METRICS if is_worth_it(metric)]
 
 
 def _by_category(

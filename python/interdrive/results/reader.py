@@ -111,7 +111,7 @@ def with_cooperation(part: Part, results: Results) -> Part:
 
 
 def with_demand(part: RunRecord, results: Results) -> RunRecord:
-    """`part`, as `read_part` gave it, with the generated traffic of `results` and the settings that it was made with."""
+    """`part`, as `read_part` gave it, with the generated traffic of `results` and its settings."""
     return replace(part, settings=results.info["settings"], demand=_rows(Demand, results.demand))
 
 

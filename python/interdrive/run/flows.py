@@ -43,6 +43,23 @@ class LaneFlow:
     queue: int
 
 
+@dataclass(frozen=True)
+class WholeFlow:
+    """Generated traffic of all lanes together.
+
+    Attributes:
+        flow: Vehicles that leave the map per hour.
+        speed: Mean speed of vehicles on the map, each one's own mean [m/s]; nan without vehicles.
+        wait: Mean time that vehicles waited before the map [s]; nan without vehicles that entered.
+        queue: Largest number of vehicles that waited before one lane at the same time.
+    """
+
+    flow: float
+    speed: float
+    wait: float
+    queue: int
+
+
 def demand_of(
     agents: Sequence[Agent],
     lanes: tuple[Sequence[int], Sequence[float], Sequence[int], Sequence[float]],
@@ -95,6 +112,24 @@ def lane_flows(run: RunRecord, first: float | None = None, last: float | None = 
     if run.demand is None:
         return ()
     return flows_of(run.demand, _speeds(run, run.demand, begin, end), begin, end, run.scenario.dt)
+
+
+def whole_flow(run: RunRecord) -> WholeFlow | None:
+    """Flow, speed and queues of all lanes together; None without generated traffic."""
+    rows = lane_flows(run)
+    if run.demand is None or not rows:
+        return None
+    begin, end = counted_time(run.settings)
+    speeds = _speeds(run, run.demand, begin, end)
+    entries = [row for row in rows if row.side == "in"]
+    entered = sum(row.vehicles for row in entries)
+    waited = sum(row.wait * row.vehicles for row in entries if row.vehicles)
+    return WholeFlow(
+        flow=float(sum(row.flow for row in rows if row.side == "out")),
+        speed=float(np.nanmean(speeds)) if np.isfinite(speeds).any() else float("nan"),
+        wait=waited / entered if entered else float("nan"),
+        queue=max((row.queue for row in entries), default=0),
+    )
 
 
 def counted_time(settings: RunSettings, first: float | None = None, last: float | None = None) -> tuple[float, float]:
