@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from array import array
-from contextlib import nullcontext
+import math
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,11 +17,9 @@ from interdrive.config.schema import RecordingSettings, RecordSettings, Simulati
 from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
-from interdrive.foreign import same_folder
 from interdrive.planners import Planner, Trajectory, native_planner
-from interdrive.planners.calls import Failure, ask, planned
-from interdrive.planners.workers import Wanted, Workers, can_be_sent
-from interdrive.run import PHASES, Plans, Views
+from interdrive.planners.called import CalledPlanners
+from interdrive.run import Plans, Views
 from interdrive.run.assemble import (
     agent_records,
     digest,
@@ -34,12 +30,11 @@ from interdrive.run.assemble import (
     states_of,
     timings_of,
 )
-from interdrive.run.cooperation import PlanAges, agreements_of, cooperation_notes, messages_of
+from interdrive.run.cooperation import agreements_of, cooperation_notes, messages_of
 from interdrive.run.flows import demand_of
-from interdrive.run.goals import said_seconds
-from interdrive.run.logs import CandidateLog, PredictionLog, ProfileLog
+from interdrive.run.logs import Logs
 from interdrive.run.orders import orders_of
-from interdrive.run.reasons import NO_ROOM, STANDSTILL, reasons, said_count
+from interdrive.run.reasons import ended_early, reasons, said_count
 from interdrive.run.violations import violations
 from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario import Scenario, SourceOptions
@@ -55,14 +50,11 @@ if TYPE_CHECKING:
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
     from interdrive.native_settings import RulesSettings, ViewSettings
-    from interdrive.planners.calls import Answer
     from interdrive.run import Demand, Orders, Outcomes, RunSettings, States
     from interdrive.run.assemble import FirstState
     from interdrive.scenario.agents import Agent
     from interdrive.scoring.hits import Hit
     from interdrive.sumo import traffic as sumo_traffic
-
-T = TypeVar("T")
 
 
 class Simulation:
@@ -170,7 +162,7 @@ class Simulation:
         )
         self._usual_planner = config.default.planner
         self._notes += notes
-        self._workers: Workers | None = None
+        self._called = CalledPlanners({}, {}, math.inf)
         self._sumo: sumo_traffic.Traffic | None = None
         self.reset()
 
@@ -197,17 +189,15 @@ class Simulation:
         self._on_setup(f"preparing {said_count(len(self.agents), 'agent')}", 0, 0)
         self._n_predicted = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
-        self._python_planners: dict[int, Planner] = {}
-        self._stop_workers()
-        self._planner_notes: list[str] = []
-        self._tracebacks: dict[int, str] = {}
+        self._called.close()
+        called: dict[int, Planner] = {}
         handles = []
         for agent in self.agents:
             config = self._configs[agent.id]
             planner = config.planner.make()
             native_settings = native_planner(planner)
             if native_settings is None:
-                self._python_planners[agent.id] = planner
+                called[agent.id] = planner
                 precedence = config.rules.precedence and bool(getattr(planner, "obeys_rules", False))
                 config = replace(config, rules=replace(config.rules, precedence=precedence))
             handles.append(core_agent(agent, config, native_settings))
@@ -223,19 +213,11 @@ class Simulation:
             messages=record.messages,
             profile=record.profile,
         )
-        self._plan_ages = PlanAges() if self.world.equipped else None
         self._start_sumo()
-        self._start_workers()
+        self._called = self._started(called)
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
-        self._timings = array("d")
-        self._profile_log = ProfileLog() if record.profile else None
-        self._prediction_log = PredictionLog(self.scenario.dt) if record.predictions else None
-        self._candidate_log = (
-            CandidateLog(self.scenario.dt, record.candidates, record.candidate_spacing, self.threads)
-            if record.candidates
-            else None
-        )
+        self._logs = Logs(record, self.scenario.dt, self.threads, any_v2x=bool(self.world.equipped))
 
     @property
     def time_step(self) -> int:
@@ -262,30 +244,23 @@ class Simulation:
         """
         if self.world.is_done:
             return
-        world, time_step = self.world, self.world.time_step
+        world, time_step, logs = self.world, self.world.time_step, self._logs
+        logs.begin(time_step)
         step = self._begin_step()
-        outside = step.missing if self._profile_log is not None else ()
-        self._plan_python(step)
+        missing = step.missing
+        if self._raises:
+            self._called.plan_unguarded(world, step, logs)
+        else:
+            self._called.plan(world, step, logs)
         step.mark()
-        if self._profile_log is not None:
-            for agent_id, seconds in zip(step.ids.tolist(), step.plan_seconds.tolist(), strict=True):
-                if agent_id not in outside:
-                    self._profile_log.add(time_step, agent_id, "plan", seconds)
-        if self._plan_ages is not None:
-            self._plan_ages.add(*step.predictions.plan_ages())
-        if self._prediction_log is not None:
-            self._prediction_log.add(step.predictions)
-        if self._candidate_log is not None:
-            self._candidate_log.add(world, step)
+        logs.add_plans(world, step, missing)
         driving = set(world.driving) if self.settings.collision.not_at_fault == "hitter_leaves" else set()
         world.advance(step, None if self._sumo is None else self._sumo.step(time_step, *world.next_of(step)))
         if driving:
             self._let_go_of_hit_agents(driving)
         if world.is_done:
-            self._stop_workers()
-            if self._sumo is not None:
-                self._sumo.close()
-        self._timings.extend((time_step, *step.seconds))
+            self.stop()
+        logs.end(step)
 
     def _let_go_of_hit_agents(self, driving: Set[int]) -> None:
         """Lets agents that drove drive on after contacts that were not their fault; who hit them leaves."""
@@ -321,89 +296,21 @@ class Simulation:
             self._sumo = sumo_traffic.Traffic(self.scenario, self.agents, self.settings.sumo.radius, self.seed)
             self.world.place_outside(self._sumo.first(self.world.time_step))
 
-    def _start_workers(self) -> None:
-        """Moves planners in Python that allow it to separate processes."""
-        willing = [i for i, planner in self._python_planners.items() if getattr(planner, "parallel", False)]
+    def _started(self, planners: dict[int, Planner]) -> CalledPlanners:
+        """The planners in Python, those that allow it in separate processes."""
+        called = CalledPlanners(planners, self._planner_names, self.settings.step.planner_timeout_s)
+        willing = called.willing
         if self._raises or not willing or not self._planner_processes:
-            return
+            return called
         if self._sumo is not None:
-            self._planner_notes.append("planners in Python run in this process: SUMO drives traffic")
-            return
-        make = {i: self._configs[i].planner.make for i in willing}
-        unfit = [i for i in willing if not can_be_sent(make[i])]
-        if unfit:
-            name = self._configs[unfit[0]].planner.name
-            self._planner_notes.append(
-                f"planner {name} is parallel, but cannot be pickled for another process: it runs in this one"
-            )
-        make = {i: factory for i, factory in make.items() if i not in unfit}
-        if make:
-            own = {i: config for i, config in self._configs.items() if i not in self.traffic.drivers}
-            views = {i: config.view for i, config in own.items()}
-            rules = {i: config.rules for i, config in own.items()}
-            stage = partial(_staged, self.scenario, views, rules, self.settings, self.seed)
-            self._workers = Workers(stage, make, self.threads, self.settings.step.planner_timeout_s)
-            for i in make:
-                del self._python_planners[i]
-
-    def _stop_workers(self) -> None:
-        if self._workers is not None:
-            self._workers.close()
-        self._workers = None
-
-    def _plan_python(self, step: _core.Step) -> None:
-        scene, predictions = step.scene, step.predictions
-        timed = self._timed
-        views = {i: timed(i, "view", self.world.view, scene, i, known=predictions.known(i)) for i in step.missing}
-        answers: dict[int, Answer] = {}
-        if self._workers is not None:
-            away = {i: view for i, view in views.items() if i not in self._python_planners}
-            told = {i: predictions.known(i) for i in away}
-            wanted = {
-                i: Wanted(view.ego._progress, told[i], predictions.seen_by(view) if told[i] else None)
-                for i, view in away.items()
-            }
-            answers = self._workers.ask(scene, predictions, wanted)
-            if self._profile_log is not None:
-                for agent_id, spent in self._workers.seconds.items():
-                    for part, seconds in zip(("view", "call"), spent, strict=True):
-                        self._profile_log.add(scene.time_step, agent_id, part, seconds)
-        timeout_s = self.settings.step.planner_timeout_s
-        if self._raises:
-            for agent_id, view in views.items():
-                seen = timed(agent_id, "view", predictions.seen_by, view)
-                plan = timed(agent_id, "call", planned, self._python_planners[agent_id], view, seen)
-                timed(agent_id, "check", step.set, view, *plan)
-            return
-        with same_folder() if self._python_planners else nullcontext():
-            for agent_id, view in views.items():
-                planner = self._python_planners.get(agent_id)
-                if planner is not None:
-                    seen = timed(agent_id, "view", predictions.seen_by, view)
-                    answers[agent_id] = timed(agent_id, "call", ask, planner, view, seen, timeout_s)
-        for agent_id, view in views.items():
-            answer = answers[agent_id]
-            try:
-                if not isinstance(answer, Failure):
-                    timed(agent_id, "check", step.set, view, *answer)
-                    continue
-            except InputError as error:
-                answer = Failure(str(error))
-            name = self._configs[agent_id].planner.name
-            # File names need not be text.
-            line, trace = (text.encode("utf-8", "replace").decode() for text in (answer.line, answer.traceback))
-            step.fail(agent_id, f"agent {agent_id}, planner {name}, time step {scene.time_step}: {line}")
-            self._tracebacks[agent_id] = trace
-
-    def _timed(self, agent_id: int, part: str, work: Callable[..., T], *args: Any, **named: Any) -> T:  # noqa: ANN401
-        """Calls `work`, and notes its time if there is a profile."""
-        if self._profile_log is None:
-            return work(*args, **named)
-        begin = time.perf_counter()
-        try:
-            return work(*args, **named)
-        finally:
-            self._profile_log.add(self.world.time_step, agent_id, part, time.perf_counter() - begin)
+            called.notes.append("planners in Python run in this process: SUMO drives traffic")
+            return called
+        own = {i: config for i, config in self._configs.items() if i not in self.traffic.drivers}
+        views = {i: config.view for i, config in own.items()}
+        rules = {i: config.rules for i, config in own.items()}
+        stage = partial(_staged, self.scenario, views, rules, self.settings, self.seed)
+        called.move({i: self._configs[i].planner.make for i in willing}, stage, self.threads)
+        return called
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.
@@ -430,7 +337,7 @@ class Simulation:
 
     def stop(self) -> None:
         """Ends the processes of the run; no further step is possible where there were any."""
-        self._stop_workers()
+        self._called.close()
         if self._sumo is not None:
             self._sumo.close()
 
@@ -440,7 +347,7 @@ class Simulation:
 
     def outcomes(self) -> Outcomes:
         """How agents have ended until now, without reasons; `record` has them."""
-        return outcomes_of(self.world.outcomes(), self._planner_names, self._tracebacks)
+        return outcomes_of(self.world.outcomes(), self._planner_names, self._called.tracebacks)
 
     def run_until_ended(self, agent_id: int) -> None:
         """Steps until one agent has its outcome; the others may still be driving then.
@@ -460,7 +367,7 @@ class Simulation:
             is_driving = agent_id in self.world.driving
             if not is_driving and self.outcomes().outcome[int(rows[0])] != "running":
                 break
-        self._stop_workers()
+        self._called.close()
 
     def record(self, *, explained: bool = True) -> Run:
         """The run until now, as arrays.
@@ -496,6 +403,7 @@ class Simulation:
             digest: Of all its states.
         """
         outcomes, names = self.outcomes(), self._planner_names
+        logs, now = self._logs, self.world.time_step
         return Run(
             scenario=self.scenario,
             settings=self._repeatable_settings(),
@@ -503,12 +411,12 @@ class Simulation:
             outcomes=outcomes,
             states=states,
             plans=plans,
-            timings=timings_of(np.array(self._timings).reshape(-1, 1 + len(PHASES))),
+            timings=timings_of(logs.times),
             notes=(
-                *self._ended_early(outcomes),
+                *ended_early(outcomes, now, self.scenario.dt),
                 *self._notes,
                 *(() if self._sumo is None else self._sumo.notes()),
-                *self._planner_notes,
+                *self._called.notes,
                 *cooperation_notes(self.settings.v2x, self.world.equipped, plans, self.scenario.dt),
                 *(
                     f"{a} and {b} overlap when they enter: their contact counts only after they have separated"
@@ -522,12 +430,12 @@ class Simulation:
             messages=messages_of(self.world.messages()) if self.settings.record.messages != "none" else None,
             agreements=agreements_of(self.world.agreements()) if self._negotiates else None,
             hits=hits_of(self._hits) if self.settings.collision.not_at_fault == "hitter_leaves" else None,
-            cooperation=None if self._plan_ages is None else self._plan_ages.summary(self.world, self.scenario.dt),
+            cooperation=logs.cooperation(self.world),
             demand=self._demand(firsts, outcomes),
             sumo=None if self._sumo is None else named_by_sumo(self._sumo.names),
-            profile=None if self._profile_log is None else self._profile_log.table(self.world.time_step),
-            predictions=None if self._prediction_log is None else self._prediction_log.table(self.world.time_step),
-            candidates=None if self._candidate_log is None else self._candidate_log.table(self.world.time_step),
+            profile=logs.profile(now),
+            predictions=logs.predictions(now),
+            candidates=logs.candidates(now),
         )
 
     def _demand(self, firsts: Mapping[int, FirstState], outcomes: Outcomes) -> Demand | None:
@@ -568,25 +476,6 @@ class Simulation:
         """What agents were told until now; None if none enters junctions by order and none has waited."""
         orders = orders_of(self.world.waits())
         return orders if self.world.obeying or len(orders.agent_id) else None
-
-    def _ended_early(self, outcomes: Outcomes) -> list[str]:
-        """One line if the run ended before the time of its agents: after its largest number of steps, or standing."""
-        rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
-        # The core gives a reason for this outcome only if it ends the whole run.
-        ended = {
-            i: message
-            for i, outcome, message in rows
-            if outcome == "time_limit" and message and not message.startswith(NO_ROOM)
-        }
-        if not ended:
-            return []
-        numbers = [str(i) for i in ended]
-        shown = ", ".join(numbers[:5]) + (f" and {len(numbers) - 5} more" if len(numbers) > 5 else "")
-        at = self.world.time_step
-        if any(message.startswith(STANDSTILL) for message in ended.values()):
-            when = said_seconds(at, self.scenario.dt)
-            return [f"the run ended at {when} s because nothing moved any more (step.standstill_s); standing: {shown}"]
-        return [f"the run ended after {at} time steps (step.max_steps) while these agents were still driving: {shown}"]
 
     def _repeatable_settings(self) -> RunSettings:
         return {

@@ -1,19 +1,28 @@
-"""Predictions and candidates available to each agent, thinned out while the run goes on; times of single plans."""
+"""What is noted while a run goes on: times, predictions and candidates, thinned out, and how old received plans are."""
 
 from __future__ import annotations
 
+import time
+from array import array
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from interdrive.run.arrays import PLAN_PARTS, PLAN_STATUS, Profile, RecordedCandidates, RecordedPredictions
+from interdrive.run.arrays import PHASES, PLAN_PARTS, PLAN_STATUS, Profile, RecordedCandidates, RecordedPredictions
+from interdrive.run.cooperation import PlanAges
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Container
+
     from numpy.typing import NDArray
 
     from interdrive import _core
     from interdrive.array_types import Floats, Ints
+    from interdrive.config.schema import RecordSettings
+    from interdrive.run.record import Json
+
+T = TypeVar("T")
 
 #: Time between kept points [s].
 _SPACING = 0.5
@@ -23,6 +32,92 @@ _RESOLUTION = 2.0**-10
 
 #: One in this many of the kept candidates is a rejected one.
 _ONE_REJECTED_IN = 5
+
+
+class Logs:
+    """All that a run notes of its steps."""
+
+    def __init__(self, settings: RecordSettings, dt: float, threads: int, *, any_v2x: bool) -> None:
+        """Starts empty.
+
+        Args:
+            settings: What is recorded.
+            dt: Time between steps [s].
+            threads: Threads that work out candidates.
+            any_v2x: Whether agents receive plans.
+        """
+        self._dt = dt
+        self._time_step = 0
+        self._timings = array("d")
+        self._ages = PlanAges() if any_v2x else None
+        self._profile = ProfileLog() if settings.profile else None
+        self._predictions = PredictionLog(dt) if settings.predictions else None
+        self._candidates = (
+            CandidateLog(dt, settings.candidates, settings.candidate_spacing, threads) if settings.candidates else None
+        )
+
+    def begin(self, time_step: int) -> None:
+        """Times that follow belong to this time step."""
+        self._time_step = time_step
+
+    def timed(self, agent_id: int, part: str, work: Callable[..., T], *args: Any, **named: Any) -> T:  # noqa: ANN401
+        """Calls `work`, and notes its time for a part of an agent's plan if there is a profile."""
+        if self._profile is None:
+            return work(*args, **named)
+        begin = time.perf_counter()
+        try:
+            return work(*args, **named)
+        finally:
+            self.add_time(agent_id, part, time.perf_counter() - begin)
+
+    def add_time(self, agent_id: int, part: str, seconds: float) -> None:
+        """Notes time [s] for a part of an agent's plan, one of `PLAN_PARTS`, if there is a profile."""
+        if self._profile is not None:
+            self._profile.add(self._time_step, agent_id, part, seconds)
+
+    def add_plans(self, world: _core.World, step: _core.Step, timed: Container[int]) -> None:
+        """Notes what a step has when all plans are made.
+
+        Args:
+            world: Before it moves.
+            step: The step.
+            timed: Agents whose plans were not made by the core and have their times already.
+        """
+        if self._profile is not None:
+            for agent_id, seconds in zip(step.ids.tolist(), step.plan_seconds.tolist(), strict=True):
+                if agent_id not in timed:
+                    self.add_time(agent_id, "plan", seconds)
+        if self._ages is not None:
+            self._ages.add(*step.predictions.plan_ages())
+        if self._predictions is not None:
+            self._predictions.add(step.predictions)
+        if self._candidates is not None:
+            self._candidates.add(world, step)
+
+    def end(self, step: _core.Step) -> None:
+        """Notes the times of the phases of a step that is over."""
+        self._timings.extend((self._time_step, *step.seconds))
+
+    @property
+    def times(self) -> Floats:
+        """Time step and seconds of its phases, shape (steps, 1 + phases)."""
+        return np.array(self._timings).reshape(-1, 1 + len(PHASES))
+
+    def profile(self, end: int) -> Profile | None:
+        """Times of single plans before a time step, if they are recorded."""
+        return None if self._profile is None else self._profile.table(end)
+
+    def predictions(self, end: int) -> RecordedPredictions | None:
+        """Predictions before a time step, if they are recorded."""
+        return None if self._predictions is None else self._predictions.table(end)
+
+    def candidates(self, end: int) -> RecordedCandidates | None:
+        """Candidates before a time step, if they are recorded."""
+        return None if self._candidates is None else self._candidates.table(end)
+
+    def cooperation(self, world: _core.World) -> dict[str, Json] | None:
+        """What messages were good for, if agents receive plans."""
+        return None if self._ages is None else self._ages.summary(world, self._dt)
 
 
 class ProfileLog:

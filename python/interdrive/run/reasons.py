@@ -10,11 +10,12 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.run.contact import contact_between
-from interdrive.run.goals import approach, inside, said_time
+from interdrive.run.goals import approach, inside, said_seconds, said_time
 from interdrive.run.phases import emergency_steps, phases
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats, Ints
+    from interdrive.run.arrays import Outcomes
     from interdrive.run.contact import Contact
     from interdrive.run.phases import Phase
     from interdrive.run.record import AgentRecord, RunRecord
@@ -58,6 +59,32 @@ def reasons(run: RunRecord, road: _core.RoadNetwork) -> tuple[str, ...]:
     agents = {agent.id: agent for agent in run.agents}
     numbers = run.outcomes.agent_id.tolist()
     return tuple(_reason(run, agents[number], place, road) for place, number in enumerate(numbers))
+
+
+def ended_early(outcomes: Outcomes, time_step: int, dt: float) -> list[str]:
+    """One line if a run ended before the time of its agents: after its largest number of steps, or standing.
+
+    Args:
+        outcomes: As the core states them.
+        time_step: At which the run ended.
+        dt: Time between steps [s].
+    """
+    rows = zip(outcomes.agent_id.tolist(), outcomes.outcome, outcomes.message, strict=True)
+    # The core gives a reason for this outcome only if it ends the whole run.
+    ended = {
+        i: message
+        for i, outcome, message in rows
+        if outcome == "time_limit" and message and not message.startswith(NO_ROOM)
+    }
+    if not ended:
+        return []
+    numbers = [str(i) for i in ended]
+    shown = ", ".join(numbers[:5]) + (f" and {len(numbers) - 5} more" if len(numbers) > 5 else "")
+    if any(message.startswith(STANDSTILL) for message in ended.values()):
+        when = said_seconds(time_step, dt)
+        return [f"the run ended at {when} s because nothing moved any more (step.standstill_s); standing: {shown}"]
+    still = "while these agents were still driving"
+    return [f"the run ended after {time_step} time steps (step.max_steps) {still}: {shown}"]
 
 
 def _reason(run: RunRecord, agent: AgentRecord, place: int, road: _core.RoadNetwork) -> str:
