@@ -193,6 +193,14 @@ impl PyRoadNetwork {
         Ok(self.0.lanelets()[index].users.admits(kind))
     }
 
+    /// Ids of the lanelets to which a lanelet leads, ascending; stated ones that lie elsewhere are not among them.
+    fn successors(&self, lanelet_id: i64) -> PyResult<Vec<i64>> {
+        let unknown = || exception(Error::UnknownId { what: "lanelet", id: lanelet_id });
+        let lanelets = self.0.lanelets();
+        let index = self.0.index_of(lanelet_id).ok_or_else(unknown)?;
+        Ok(lanelets[index].successors.iter().map(|next| lanelets[*next].id).collect())
+    }
+
     /// Polygons of the stretch of lane around arc length `s` of a lanelet.
     fn lane_stretch<'py>(
         &self,

@@ -18,6 +18,7 @@ from interdrive.traffic import draws
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from interdrive.array_types import Floats
     from interdrive.scenario.model import Scenario
     from interdrive.traffic.arrivals import Driver
     from interdrive.traffic.lanes import LaneGraph
@@ -141,15 +142,24 @@ class JourneyMaker:
         if lanes[-1] in self._graph.exits:
             areas = self._ends.areas(lanes[-1], wish.length, speed)
         elif self._graph.to_exit:
-            end = self._graph.length[lanes[-1]]
-            found = self._road.lane_stretch(lanes[-1], end, min(_AREA, end), 0.0)
-            areas = tuple(Shape("polygon", vertices=np.asarray(polygon)) for polygon in found)
+            areas = self._end_of(lanes[-1])
         else:
             areas = ()
         if not areas:  # a ring: it drives until the end
             last = max(first + 1, self._first + round(self._settings.duration / self._scenario.dt))
             return (GoalState(areas=(), lanelet_ids=(), time_step=(last, last), velocity=(0.0, 2.0 * speed)),)
         return (arrival(areas, first, last),)
+
+    def _end_of(self, lanelet: int) -> tuple[Shape, ...]:
+        """The last stretch of a lanelet, or its middle where it ends earlier than the file says."""
+        length = self._graph.length[lanelet]
+        area = min(_AREA, length)
+        for s, before, after in ((length, area, 0.0), (0.5 * length, 0.5 * area, 0.5 * area)):
+            found = [np.asarray(polygon) for polygon in self._road.lane_stretch(lanelet, s, before, after)]
+            areas = tuple(Shape("polygon", vertices=polygon) for polygon in found if _is_area(polygon))
+            if areas:
+                return areas
+        return ()
 
     def _slow_enough(self, route: _core.Route, lanes: tuple[int, ...], wish: Wish) -> float:
         """Speed from which bends and the first junction can be met with gentle braking [m/s]."""
@@ -171,6 +181,12 @@ class JourneyMaker:
 
 def _fastest(graph: LaneGraph) -> float:
     return max(graph.limit(lanelet) for lanelet in graph.ids)
+
+
+def _is_area(polygon: Floats) -> bool:
+    """Whether the vertices of a polygon do not lie on a line."""
+    x, y = (polygon - polygon[0]).T
+    return bool(abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) > 1e-3)
 
 
 def _taken(ways: Sequence[tuple[int, int]], turn: tuple[float, float, float], drawn: float) -> int:

@@ -69,11 +69,7 @@ class LaneGraph:
         self._ways: dict[int, list[tuple[int, int]]] = {}
         self.ids = [number for number in ids if road.admits(number, _CAR)]
         admitted = set(self.ids)
-        after = {number: set(lanelets.successors[row]) for number, row in self.row.items()}
-        for number, row in self.row.items():
-            for other in lanelets.predecessors[row]:
-                after.setdefault(other, set()).add(number)
-        self.after = {number: sorted(after[number] & admitted) for number in self.ids}
+        self.after = {number: sorted(admitted.intersection(road.successors(number))) for number in self.ids}
         self.before: dict[int, list[int]] = {number: [] for number in self.ids}
         for number in self.ids:
             for other in self.after[number]:
