@@ -18,7 +18,7 @@ export interface Missing {
   text: string;
 }
 
-/** One row of the states: what does not change. Recorded traffic has `agent` -1 and only what is required. */
+/** One row of the states: what does not change. Traffic that is recorded or that SUMO drives has `agent` -1 and only what is required, the latter its `name` there. */
 export interface Participant {
   id: number;
   kind: string;
@@ -26,6 +26,7 @@ export interface Participant {
   width: number;
   static: boolean;
   agent: number;
+  name?: string;
   outlines?: number[][][];
   color?: string;
   planner?: string;

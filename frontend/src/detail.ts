@@ -79,7 +79,10 @@ export class Detail {
       this.shown = key;
       const swatch = element("span", { class: "swatch" });
       swatch.style.background = agentColor(p.color, state.theme);
-      this.name.replaceChildren(swatch, element("strong", {}, `${p.agent >= 0 ? "Agent" : "Vehicle"} ${p.id}`));
+      this.name.replaceChildren(
+        swatch,
+        element("strong", {}, `${p.agent >= 0 ? "Agent" : "Vehicle"} ${p.id}${p.name ? ` (${p.name})` : ""}`),
+      );
       this.name.append(p.agent < 0 ? `${p.kind.replace("_", " ")}, recorded` : `${p.kind.replace("_", " ")}, ${p.planner}`);
       if (p.agent >= 0) {
         const end = `${mark(p.outcome ?? "").text} at ${run.time(p.end ?? 0)}`;

@@ -93,9 +93,11 @@ function mirror(root: HTMLElement, state: State): void {
 
 function headline(run: Run, state: State, help: () => void): HTMLElement {
   const agents = run.header.participants.filter((p) => p.agent >= 0);
-  const others = run.n - agents.length;
+  const sumo = run.header.participants.filter((p) => p.name !== undefined).length;
+  const others = run.n - agents.length - sumo;
   const seconds = (run.steps - 1) * run.header.dt;
-  const said = `${agents.length} agents, ${others} recorded, ${seconds.toFixed(run.decimals)} s`;
+  const bySumo = sumo ? `${sumo} by SUMO, ` : "";
+  const said = `${agents.length} agents, ${bySumo}${others} recorded, ${seconds.toFixed(run.decimals)} s`;
   const sizes = [1, 1.25, 1.5];
   return element(
     "header",

@@ -168,7 +168,7 @@ export class RoadMap {
     if (row < 0) return;
     const p = this.run.header.participants[row];
     const speed = this.run.pose(row, this.state.time)?.velocity;
-    const role = p.agent >= 0 ? (p.planner ?? "agent") : p.static ? "static" : "recorded";
+    const role = p.agent >= 0 ? (p.planner ?? "agent") : p.name ? `${p.name} of SUMO` : p.static ? "static" : "recorded";
     this.tip.textContent = `${p.id} ${p.kind.replace("_", " ")}, ${role}${speed === undefined ? "" : `, ${speed.toFixed(1)} m/s`}`;
     this.tip.style.transform = `translate(${px + 12}px, ${py + 12}px)`;
   }

@@ -30,7 +30,7 @@ from interdrive.report.tables import (
     pack_views,
 )
 from interdrive.report.traffic import flows_of
-from interdrive.results import read_part, read_results, with_cooperation, with_demand, with_routes
+from interdrive.results import read_part, read_results, sumo_names, with_cooperation, with_demand, with_routes
 from interdrive.run import PLAN_STATUS
 from interdrive.run.logs import steps_between
 from interdrive.scoring import score, score_table, stored_score
@@ -182,6 +182,7 @@ def _participants(
     order = {number: index for index, number in enumerate(run.outcomes.agent_id.tolist())}
     ended = results.outcomes.to_pylist()
     agents = {agent.id: agent for agent in run.agents}
+    named = sumo_names(results)
     made = []
     for row, number in enumerate(states.participant_id.tolist()):
         entry: Participant = {
@@ -192,6 +193,8 @@ def _participants(
             "static": bool(states.is_static[row]),
             "agent": -1,
         }
+        if number in named:
+            entry["name"] = named[number]
         shape = _body(run, row)
         if shape is not None:
             entry["outlines"] = [np.round(line, 2).tolist() for line in shape]

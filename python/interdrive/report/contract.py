@@ -29,7 +29,10 @@ class Missing(TypedDict):
 
 
 class Participant(TypedDict):
-    """One row of the states: what does not change. Recorded traffic has `agent` -1 and only what is required."""
+    """One row of the states: what does not change.
+
+    Traffic that is recorded or that SUMO drives has `agent` -1 and only what is required, the latter its `name` there.
+    """
 
     id: int
     kind: str
@@ -37,6 +40,7 @@ class Participant(TypedDict):
     width: float
     static: bool
     agent: int
+    name: NotRequired[str]
     outlines: NotRequired[list[list[list[float]]]]
     color: NotRequired[str]
     planner: NotRequired[str]

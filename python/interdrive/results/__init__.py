@@ -10,7 +10,7 @@ from __future__ import annotations
 from interdrive.results.columns import COLUMNS
 from interdrive.results.folder import RUN_FOLDER, Results, check_target, holds_run, read_results, save
 from interdrive.results.information import FORMAT, RunInformation, information, origin_of_run, software
-from interdrive.results.reader import read_part, read_run, with_cooperation, with_demand, with_routes
+from interdrive.results.reader import read_part, read_run, sumo_names, with_cooperation, with_demand, with_routes
 from interdrive.results.tables import (
     candidates_table,
     outcome_table,
@@ -42,6 +42,7 @@ __all__ = [
     "save",
     "software",
     "states_table",
+    "sumo_names",
     "timing_table",
     "with_cooperation",
     "with_demand",

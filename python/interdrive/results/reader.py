@@ -115,6 +115,12 @@ def with_demand(part: RunRecord, results: Results) -> RunRecord:
     return replace(part, settings=results.info["settings"], demand=_rows(Demand, results.demand))
 
 
+def sumo_names(results: Results) -> dict[int, str]:
+    """What SUMO calls the participants that it drove, by id; empty without SUMO."""
+    found = _rows(SumoParticipants, results.sumo)
+    return {} if found is None else dict(zip(found.participant_id.tolist(), found.name, strict=True))
+
+
 def _rows(kind: type[Rows], table: ArrowTable | None) -> Rows | None:
     """The record of a table with a row for each of its own; None if there is no table."""
     return None if table is None else kind.of(table)
