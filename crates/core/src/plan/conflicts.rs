@@ -54,6 +54,30 @@ struct PathOccupancy {
     counts: bool,
 }
 
+/// How a vehicle gives way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Deference {
+    /// Kept to who is ahead [m].
+    pub(super) minimum_gap: f64,
+    /// It waits for crossing participants.
+    pub(super) counts_crossing: bool,
+    /// It becomes slower than who joins ahead of it where there is no other way to be behind that one in time: beside a
+    /// faster vehicle it would otherwise not brake at all.
+    pub(super) falls_behind: bool,
+}
+
+impl Deference {
+    /// Behind everybody who goes first, at a distance [m].
+    pub(super) fn full(minimum_gap: f64) -> Self {
+        Self { minimum_gap, counts_crossing: true, falls_behind: true }
+    }
+
+    /// The same, but never below the speed of who joins.
+    pub(super) fn at_their_speed(minimum_gap: f64) -> Self {
+        Self { falls_behind: false, ..Self::full(minimum_gap) }
+    }
+}
+
 /// Vehicles stop this far before a stop line [m].
 pub(super) const LINE_GAP: f64 = 0.5;
 
@@ -275,13 +299,13 @@ impl Conflicts {
 
     /// Smallest acceleration that the barriers and occupancies allow at a point of the plan [m/s²], for a vehicle at an arc
     /// length [m] with a speed [m/s]; infinite without any. `follow` gives the acceleration for a gap [m] behind a leader of
-    /// a speed [m/s] that brakes [m/s²], of which `minimum_gap` [m] is kept; crossing participants may be left out.
+    /// a speed [m/s] that brakes [m/s²].
     pub(super) fn allowed(
         &self,
         point: usize,
         ego: &Ego,
         (s, velocity): (f64, f64),
-        (minimum_gap, counts_crossing): (f64, bool),
+        Deference { minimum_gap, counts_crossing, falls_behind }: Deference,
         follow: impl Fn(f64, f64, f64) -> f64,
     ) -> f64 {
         let front = s + ego.to_front;
@@ -324,7 +348,8 @@ impl Conflicts {
                 let moved_back = joined.low - joined.velocity * time;
                 let keep = follow(moved_back - front, joined.velocity, 0.0);
                 let room = joined.low - front - minimum_gap;
-                keep.max(not_before(room, velocity, joined.velocity, time))
+                let least_velocity = if falls_behind { 0.0 } else { joined.velocity };
+                keep.max(not_before(room, velocity, least_velocity, time))
             };
             least = least.min(acceleration);
         }

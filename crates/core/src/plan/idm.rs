@@ -2,7 +2,7 @@
 
 use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
-use super::conflicts::Ego;
+use super::conflicts::{Deference, Ego};
 use super::driver_noise::Noise;
 use super::frame::Start;
 use super::path_motion::RETURN_TIME;
@@ -167,7 +167,8 @@ pub(super) fn follow_path(
         let free = free_road(speed_profile, s, velocity);
         // The model adds both parts; `allowed` holds the acceleration of a free road.
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration;
+        let taken =
+            conflicts.allowed(point, &ego, (s, velocity), Deference::full(law.minimum_gap), follow) - law.acceleration;
         let wanted = free + taken.min(0.0);
         let time = (request.time_step + point as i64) as f64 * request.dt;
         limited(noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity)), velocity, request.vehicle)

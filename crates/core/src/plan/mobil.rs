@@ -7,7 +7,7 @@
 //! A change that is under way is seen from the previous plan, which leads to the lane that it aims at.
 
 use super::car_following::{CarFollowing, integrate, limited};
-use super::conflicts::{Conflicts, Ego};
+use super::conflicts::{Conflicts, Deference, Ego};
 use super::frame::Start;
 use super::idm::{IdmSettings, keeping_time};
 use super::lanes::{Aim, Lane, Lanes, Need, SETTLED_OFFSET};
@@ -109,7 +109,8 @@ pub(super) fn plan(
         let braking = if has_pace { speed_profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         let free = free.min(braking);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken = (conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow) - law.acceleration)
+        let taken = (conflicts.allowed(point, &ego, (s, velocity), Deference::full(law.minimum_gap), follow)
+            - law.acceleration)
             .min(0.0);
         let wanted = free + taken;
         let time = (request.time_step + point as i64) as f64 * request.dt;

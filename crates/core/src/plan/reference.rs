@@ -2,7 +2,7 @@
 //! driver in danger. On a straight road this is the case in one dimension, `reference_drivers::cases`.
 
 use super::car_following::{CarFollowing, PathMotion, limited};
-use super::conflicts::{Conflicts, Ego};
+use super::conflicts::{Conflicts, Deference, Ego};
 use super::frame::Start;
 use super::lawful;
 use super::path_motion::RETURN_TIME;
@@ -238,7 +238,8 @@ pub(super) fn plan(
         let slowing = (desired(s + v * lawful::SLOWING_TIME) - v) / lawful::SLOWING_TIME;
         let wish = ((desired(s) - v) / dt).min(APPROACH).min(slowing).max(-lawful::SLOWING_MAX);
         let follow = |gap: f64, leader: f64, _: f64| law.following(v, gap, leader);
-        let taken = conflicts.allowed(point, &ego, (s, v), (law.minimum_gap, true), follow) - law.acceleration;
+        let taken = conflicts.allowed(point, &ego, (s, v), Deference::at_their_speed(law.minimum_gap), follow)
+            - law.acceleration;
         // A driver that reacts keeps its speed or brakes, whatever it wishes.
         wish.min(driven) + taken.min(0.0)
     };

@@ -1,7 +1,7 @@
 //! Keeping the recorded path and, on a free path, the recorded speed.
 
 use super::car_following::{CarFollowing, integrate, limited};
-use super::conflicts::{Conflicts, Ego};
+use super::conflicts::{Conflicts, Deference, Ego};
 use super::frame::Start;
 use super::path_motion::RETURN_TIME;
 use super::recorded_path::RecordedPath;
@@ -110,7 +110,7 @@ pub(super) fn plan(
         let now = clock + point as f64;
         let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let allowed = conflicts.allowed(point, &ego, (s, velocity), (law.minimum_gap, true), follow);
+        let allowed = conflicts.allowed(point, &ego, (s, velocity), Deference::at_their_speed(law.minimum_gap), follow);
         limited(wish.min(allowed), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);

@@ -4,7 +4,7 @@
 use super::super::arrival;
 use super::super::car_following::{PathMotion, safe_velocity};
 use super::super::comfort::Comfort;
-use super::super::conflicts::{Conflicts, Ego};
+use super::super::conflicts::{Conflicts, Deference, Ego};
 use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutWeights;
@@ -259,13 +259,14 @@ impl Speeds {
         let stopping = pace.stopping(comfort).map_or(f64::INFINITY, |braking| -braking);
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
+        let deference = Deference { counts_crossing, ..Deference::at_their_speed(gap) };
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
             let follow = |room: f64, leader: f64, braking: f64| {
                 following((room, gap), (velocity, leader, braking), comfort, task.opening((point, s), room))
             };
-            let allowed = conflicts.allowed(point, ego, (s, velocity), (gap, counts_crossing), follow);
+            let allowed = conflicts.allowed(point, ego, (s, velocity), deference, follow);
             free.min(allowed)
         });
         let last = found.velocity[task.n_points - 1];
