@@ -8,6 +8,7 @@ import pytest
 
 import interdrive as idr
 from interdrive import InputError
+from interdrive.scenario import Lanelets
 from interdrive.scenario.known_goals import Temperament, desired_speed
 from interdrive.testing import Car, straight_road, world
 
@@ -62,6 +63,35 @@ def test_an_agent_that_drives_on_is_done_where_the_map_ends():
     run = _simulation(scenario, goal__information="turns").run()
     assert run.outcomes.outcome[0] == "goal_reached"
     assert 100 <= run.outcomes.time_step[0] <= 140
+
+
+def _forking():
+    """Lanes 1 and 2, side by side, part at x = 100 m: 1 goes on straight as 3, 2 bends away to the left as 4."""
+    x, y = np.linspace(0.0, 100.0, 21), np.linspace(100.0, 200.0, 21)
+
+    def bound(along, aside):
+        return np.column_stack([along, aside + 0.0 * along])
+
+    away = 3.5 + 40.0 * ((y - 100.0) / 100.0) ** 2
+    return Lanelets(
+        ids=np.array([1, 2, 3, 4]),
+        left=(bound(x, 1.75), bound(x, 5.25), bound(y, 1.75), bound(y, away + 1.75)),
+        right=(bound(x, -1.75), bound(x, 1.75), bound(y, -1.75), bound(y, away - 1.75)),
+        predecessors=((), (), (1,), (2,)), successors=((3,), (4,), (), ()),
+        adjacent_left=np.array([2, -1, -1, -1]), adjacent_left_same_direction=np.array([True, False, False, False]),
+        adjacent_right=np.array([-1, 1, -1, -1]), adjacent_right_same_direction=np.array([False, True, False, False]),
+        speed_limit=np.full(4, np.nan), types=((),) * 4,
+    )  # fmt: skip
+
+
+def test_an_agent_that_leaves_the_map_on_another_way_than_its_own_is_done_there():
+    scenario = world(_forking(), cars=[Car(11, 20.0, 0.0, 15.0, last=60), Car(12, 60.0, 0.0, 1.0)], steps=300)
+    planner = "idm_mobil,safe_deceleration=0.5,changing_threshold=0"
+    run = idr.simulate(scenario, agents=[11], planner=planner, settings={"goal.information": "turns"}, threads=1)
+    row = run.states.participant_id.tolist().index(11)
+    assert np.nanmax(run.states.y[row]) > 30.0
+    assert np.nanmax(run.states.x[row]) < 200.0
+    assert run.outcomes.time_step[0] < 250
 
 
 def test_the_desired_speed_is_that_of_the_traffic_around_or_the_own_one():
@@ -126,6 +156,17 @@ def test_an_agent_that_finds_no_room_does_not_enter_and_says_so():
     assert run.outcomes.reason[0] == "found no room to enter within 2 s"
     assert not any("the run ended" in note for note in run.notes)
     assert not run.states.valid[run.states.participant_id.tolist().index(11)].any()
+
+
+@pytest.mark.parametrize(("x", "y", "orientation"), [(14.9, 0.0, 0.0), (20.0, 2.0, 0.0), (20.0, 3.4, -0.15)])
+def test_an_agent_enters_neither_at_the_bumper_of_another_vehicle_nor_beside_one_that_comes_over(x, y, orientation):
+    # One metre behind the agent's place, 20 cm beside it, or on its way from the next lane: at step 10 it is there.
+    there = Car(12, x - 15.0 * np.cos(orientation), y - 15.0 * np.sin(orientation), 15.0, orientation)
+    scenario = world(straight_road(300.0, 2), cars=[Car(11, 20.0, 0.0, 15.0, first=10), there])
+    run = _simulation(scenario, step__entry_wait=4.0).run()
+    assert run.outcomes.outcome[0] != "collision"
+    present = run.states.valid[run.states.participant_id.tolist().index(11)]
+    assert 10 < np.flatnonzero(present)[0] < 50
 
 
 def test_impossible_settings_are_refused():

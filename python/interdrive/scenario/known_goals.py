@@ -145,9 +145,24 @@ class MapEnds:
             length: Of the vehicle [m].
             speed: Its desired speed [m/s].
         """
+        return self._areas(self._side_by_side(last_lanelet), length, speed)
+
+    def areas_anywhere(self, last_lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
+        """The same, and all other places where a vehicle leaves the map that gets onto another way than its own.
+
+        Args:
+            last_lanelet: Its id.
+            length: Of the vehicle [m].
+            speed: Its desired speed [m/s].
+        """
+        leads_out = self.areas(last_lanelet, length, speed)
+        return self._areas(list(self._rows), length, speed) if leads_out else ()
+
+    def _areas(self, numbers: list[int], length: float, speed: float) -> tuple[Shape, ...]:
+        """Those of some lanelets."""
         lanelets, found = self._lanelets, []
         before = 0.5 * length + max(_MAP_END, _MAP_END_STEPS * speed * self._dt)
-        for number in self._side_by_side(last_lanelet):
+        for number in numbers:
             row = self._rows[number]
             if lanelets.successors[row] or number in self._led_from:
                 continue

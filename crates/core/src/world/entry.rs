@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{Agent, Drive, World};
 use crate::conduct::FIRM_DECELERATION;
 use crate::geometry::shape::Shape;
-use crate::geometry::{Pose, wrap_angle};
+use crate::geometry::{Point, Pose, wrap_angle};
 use crate::recording::OutcomeKind;
 use crate::trajectory::State;
 
@@ -15,6 +15,10 @@ const LEADER_WIDTHS: f64 = 0.4;
 const LEADER_ANGLE: f64 = 0.6;
 /// ... and is nearer than this [m].
 const LEADER_DISTANCE: f64 = 100.0;
+/// Who enters keeps this far from others, ahead and behind, and at its sides [m], ...
+const ROOM: (f64, f64) = (1.0, 0.3);
+/// ... and enters beside nobody whom it would touch after these times if both went on as they are [s].
+const GOING_ON: [f64; 2] = [0.5, 1.0];
 /// From a queue an agent enters this far [s] ...
 const HEADWAY: f64 = 1.0;
 /// ... and so much besides [m] behind the vehicle ahead, with the way that both need to brake firmly to a stop; ...
@@ -150,19 +154,21 @@ impl World {
         (most >= least.max(wish.min(leader.1))).then_some(most)
     }
 
-    /// The agent overlaps no participant in its first state, and can follow the vehicle ahead.
+    /// The agent touches no participant in its first state or right afterwards, and can follow the vehicle ahead.
     fn has_room(&self, index: usize) -> bool {
         let agent = &self.drives[index].agent;
         let own = agent.initial_state;
         let pose = own.pose();
         let half = 0.5 * agent.vehicle.length;
+        let room = Shape::rectangle(agent.vehicle.length + 2.0 * ROOM.0, agent.vehicle.width + 2.0 * ROOM.1);
         self.states.iter().enumerate().filter(|(row, _)| *row != self.drives[index].row).all(|(row, state)| {
             let Some(other) = state else { return true };
             let (shape, place) = (&self.participants.shape[row], other.pose());
             if self.participants.storeys.are_apart(pose, place) {
                 return true;
             }
-            if agent.shape.overlaps(pose, shape, place) {
+            let meets = |time: &f64| agent.shape.overlaps(going_on(&own, *time), shape, going_on(other, *time));
+            if room.overlaps(pose, shape, place) || GOING_ON.iter().any(meets) {
                 return false;
             }
             let extent = shape.aabb(crate::geometry::Pose::default());
@@ -175,6 +181,12 @@ impl World {
             closing <= 0.0 || gap > 0.0 && closing * closing <= 2.0 * FIRM_DECELERATION * gap
         })
     }
+}
+
+/// Where a vehicle is after a time [s] if it keeps its heading and its speed.
+fn going_on(state: &State, time: f64) -> Pose {
+    let pose = state.pose();
+    Pose { position: pose.position + Point::from_angle(pose.orientation) * (state.velocity * time), ..pose }
 }
 
 /// Largest speed [m/s] behind a vehicle with a speed [m/s] at a gap [m] that needs no firm braking after the headway.
