@@ -33,6 +33,7 @@ PATHS = {
     "step": 5,
     "step_messages": 5,
     "step_v2x": 5,
+    "learn": 10,
 }
 #: A path may need so many times the instructions of another one. Agents drive alike in these two; with requests
 #: they drive otherwise, so what these cost shows in the count of `step_v2x` alone.

@@ -44,7 +44,7 @@ fn crowds(c: &mut Criterion) {
             })
             .collect();
         group.bench_with_input(BenchmarkId::new("traffic", n), &movers, |b, movers| {
-            b.iter(|| contacts(black_box(movers), |_, _| true));
+            b.iter(|| contacts(black_box(movers), |_| true));
         });
     }
     group.finish();

@@ -6,12 +6,15 @@ use std::sync::Arc;
 
 use interdrive_core::collision::{Mover, contacts};
 use interdrive_core::geometry::{Point, Pose};
+use interdrive_core::observation::ObservationSettings;
 use interdrive_core::plan::Planner;
 use interdrive_core::predict::neural::Neural;
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::v2x::V2xSettings;
 use interdrive_core::world::{Forecast, Step, World, WorldSettings};
 
+#[path = "../tests/learning/mod.rs"]
+mod learning;
 mod network;
 #[path = "../tests/shipped/mod.rs"]
 mod shipped;
@@ -46,7 +49,7 @@ fn main() {
                     Mover { shape: &shapes[row], from, to: Pose { position: to, orientation: state.orientation } }
                 })
                 .collect();
-            (0..times).for_each(|_| drop(black_box(contacts(black_box(&movers), |_, _| true))));
+            (0..times).for_each(|_| drop(black_box(contacts(black_box(&movers), |_| true))));
         }
         // Whole steps, all vehicles plan.
         "step" => {
@@ -69,6 +72,8 @@ fn main() {
             let mut world = world(shipped::TOWN, 25);
             steps(&mut world, &following, 10 + times);
         }
+        // Steps of four worlds with eight learners each, observations included.
+        "learn" => learn(times),
         _ => panic!("no hot path {name}"),
     }
 }
@@ -84,6 +89,19 @@ fn plan(planner: Planner, predictor: &Predictor, times: usize) {
     let mut step = Step::begin(&world);
     step.expect(&world, Forecast::Core(predictor, HORIZON)).expect("predictions");
     (0..times).for_each(|_| black_box(step.plan(&world)).expect("plans"));
+}
+
+/// Steps of learners at the T-junction, within one episode, after some so that there is a past.
+fn learn(times: usize) {
+    const WORLDS: usize = 4;
+    const LEARNERS: usize = 8;
+    let observation = ObservationSettings::default();
+    let mut worlds = learning::worlds(&learning::stage(), (WORLDS, LEARNERS), 100, 1, observation);
+    let mut arrays = learning::Arrays::new(WORLDS * LEARNERS, &observation);
+    learning::refill(&mut worlds, LEARNERS);
+    worlds.reset(&[true; WORLDS], arrays.buffers()).expect("a reset");
+    learning::refill(&mut worlds, LEARNERS);
+    (0..5 + times).for_each(|_| black_box(worlds.step(arrays.buffers())).expect("a step"));
 }
 
 /// Steps of all vehicles at the T-junction with messages.

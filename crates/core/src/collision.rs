@@ -124,11 +124,11 @@ fn first_contact_of_parts(
     Some(fraction)
 }
 
-/// All pairs that touch during the step and are relevant, each with the earliest fraction: (i, j, fraction) with i < j,
-/// ascending. `relevant(i, j)` is asked, with i < j, for pairs that come near each other.
-pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -> Vec<(usize, usize, f64)> {
+/// All pairs that touch during the step and of which one is wanted, each with the earliest fraction: (i, j, fraction) with
+/// i < j, ascending.
+pub fn contacts(movers: &[Mover<'_>], is_wanted: impl Fn(usize) -> bool) -> Vec<(usize, usize, f64)> {
     let mut memory = ContactMemory::default();
-    find_contacts(movers.len(), |i| movers[i], relevant, &mut memory);
+    find_contacts(movers.len(), |i| movers[i], is_wanted, &mut memory);
     memory.found
 }
 
@@ -136,6 +136,7 @@ pub fn contacts(movers: &[Mover<'_>], relevant: impl Fn(usize, usize) -> bool) -
 #[derive(Debug, Clone, Default)]
 pub struct ContactMemory {
     boxes: Vec<Aabb>,
+    wanted: Vec<usize>,
     order: Vec<(f64, f64, usize)>,
     /// The contacts, as [`contacts`] returns them.
     pub found: Vec<(usize, usize, f64)>,
@@ -145,47 +146,54 @@ pub struct ContactMemory {
 pub fn find_contacts<'a>(
     n: usize,
     mover: impl Fn(usize) -> Mover<'a>,
-    relevant: impl Fn(usize, usize) -> bool,
+    is_wanted: impl Fn(usize) -> bool,
     memory: &mut ContactMemory,
 ) {
-    let ContactMemory { boxes, order, found } = memory;
+    /// Up to so many pairs are tried one by one.
+    const PAIRS_MAX: usize = 2048;
+    let ContactMemory { boxes, wanted, order, found } = memory;
     boxes.clear();
     boxes.extend((0..n).map(|i| swept_box(&mover(i))));
-    // Sort and sweep along the longer side of the crowd: roads rarely run along both axes.
-    let centers = Aabb::around(boxes.iter().map(|aabb| aabb.min.lerp(aabb.max, 0.5)));
-    let size = centers.max - centers.min;
-    order.clear();
-    if size.y > size.x {
-        order.extend(boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.y, aabb.max.y, i)));
-    } else {
-        order.extend(boxes.iter().enumerate().map(|(i, aabb)| (aabb.min.x, aabb.max.x, i)));
-    }
-    order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+    wanted.clear();
+    wanted.extend((0..n).filter(|i| is_wanted(*i)));
     found.clear();
-    for (position, (_, high, first)) in order.iter().enumerate() {
-        for (_, _, second) in order[position + 1..].iter().take_while(|(low, ..)| low <= high) {
-            let (i, j) = (*first.min(second), *first.max(second));
-            if boxes[i].overlaps(&boxes[j]) && relevant(i, j) {
-                let (a, b) = (mover(i), mover(j));
-                found.extend(
-                    first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to).map(|fraction| (i, j, fraction)),
-                );
+    let mut look = |i: usize, j: usize| {
+        if boxes[i].overlaps(&boxes[j]) {
+            let (a, b) = (mover(i), mover(j));
+            found.extend(first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to).map(|fraction| (i, j, fraction)));
+        }
+    };
+    if wanted.len() * n <= PAIRS_MAX {
+        for &i in wanted.iter() {
+            (0..i).filter(|j| !is_wanted(*j)).for_each(|j| look(j, i));
+            (i + 1..n).for_each(|j| look(i, j));
+        }
+    } else {
+        // Sort and sweep along the longer side of the crowd: roads rarely run along both axes.
+        let centers = Aabb::around(boxes.iter().map(|aabb| aabb.min.lerp(aabb.max, 0.5)));
+        let size = centers.max - centers.min;
+        let along = |point: Point| if size.y > size.x { point.y } else { point.x };
+        order.clear();
+        order.extend(boxes.iter().enumerate().map(|(i, aabb)| (along(aabb.min), along(aabb.max), i)));
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
+        for (position, (_, high, first)) in order.iter().enumerate() {
+            for (_, _, second) in order[position + 1..].iter().take_while(|(low, ..)| low <= high) {
+                if is_wanted(*first) || is_wanted(*second) {
+                    look(*first.min(second), *first.max(second));
+                }
             }
         }
     }
     found.sort_unstable_by_key(|(i, j, _)| (*i, *j));
 }
 
-/// Axis-aligned box around everything the body covers during the step.
+/// Axis-aligned box around everything the body covers during the step, however it turns.
 fn swept_box(mover: &Mover<'_>) -> Aabb {
-    let start = mover.shape.aabb(mover.from);
+    // What stands may be long, such as a wall.
     if mover.from == mover.to {
-        return start.grown(CONTACT_DISTANCE);
+        return mover.shape.aabb(mover.from).grown(CONTACT_DISTANCE);
     }
-    // Seen from the straight motion of the body origin, a turning point leaves its chord by the height of the arc.
-    let turn = wrap_angle(mover.to.orientation - mover.from.orientation);
-    let bulge = mover.shape.bounding_radius() * (1.0 - (0.5 * turn).cos());
-    start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT_DISTANCE)
+    Aabb::around([mover.from.position, mover.to.position]).grown(mover.shape.bounding_radius() + CONTACT_DISTANCE)
 }
 
 /// Earliest fraction of the step at which the road does not admit the vehicle, examined every 0.25 m of motion and at
@@ -203,10 +211,20 @@ pub(crate) fn departure(
     scratch: &mut Vec<u32>,
 ) -> Option<f64> {
     let motion = RigidMotion::new(from, to);
-    let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
-    let looks = (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize;
+    let looks = road_looks(shape, &motion);
     let mut fractions = (0..=looks).map(|look| look as f64 / looks as f64);
     fractions.find(|fraction| !road.admits(shape, vehicle, motion.pose_at(*fraction), scratch))
+}
+
+/// One look shows that a body moves above lanelets only: there is no departure, and nothing overhangs.
+pub(crate) fn stays_inside(road: &RoadNetwork, shape: &Shape, (from, to): (Pose, Pose)) -> bool {
+    road.surrounds(shape, from, to, road_looks(shape, &RigidMotion::new(from, to)))
+}
+
+/// Number of looks at the road after the first one.
+fn road_looks(shape: &Shape, motion: &RigidMotion) -> usize {
+    let travel = motion.shift.norm() + shape.bounding_radius() * motion.turn.abs();
+    (travel / ROAD_CHECK_SPACING).ceil().clamp(1.0, ROAD_CHECKS_MAX) as usize
 }
 
 /// A vehicle that follows poses, one per step, leaves the road after having been on it.

@@ -228,6 +228,22 @@ impl Recording {
         present.binary_search_by_key(&row, |(row, _)| *row).ok().map(|place| present[place].1)
     }
 
+    /// Rows and states of the participants that are there at the last time step; each with the earliest state that it had
+    /// up to `STEPS` time steps before, and how long ago that was.
+    pub(crate) fn present<const STEPS: usize>(&self) -> impl Iterator<Item = (usize, &State, Option<(usize, &State)>)> {
+        let of = |ago: usize| self.columns.len().checked_sub(1 + ago).map(|i| self.columns[i].as_slice());
+        let mut earlier: [_; STEPS] = std::array::from_fn(|i| (STEPS - i, of(STEPS - i).unwrap_or_default()));
+        of(0).unwrap_or_default().iter().map(move |(row, state)| {
+            let before = earlier.iter_mut().find_map(|(ago, column)| {
+                while column.first().is_some_and(|(other, _)| other < row) {
+                    *column = &column[1..];
+                }
+                column.first().filter(|(other, _)| other == row).map(|(_, state)| (*ago, state))
+            });
+            (*row, state, before)
+        })
+    }
+
     /// Adds the plans that led to the next time step.
     pub(crate) fn push_plans(&mut self, plans: Plans) {
         self.plans.push(plans);

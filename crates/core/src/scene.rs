@@ -34,6 +34,16 @@ pub struct Participants {
     pub storeys: Storeys,
 }
 
+impl Participants {
+    /// The participant in a row is near enough to be seen, at its position, from a place.
+    #[inline]
+    pub(crate) fn is_near(&self, row: usize, position: Point, eye: Point, limits: &ViewLimits) -> bool {
+        let distance = position.distance(eye);
+        distance <= limits.sensor_radius
+            || self.is_static[row] && distance <= limits.sensor_radius + self.shape[row].bounding_radius()
+    }
+}
+
 /// The road, if it states heights: participants one above the other do not see each other.
 #[derive(Debug, Clone, Default)]
 pub struct Storeys(Option<Arc<RoadNetwork>>);
@@ -48,6 +58,11 @@ impl Storeys {
     /// Of a road.
     pub fn of(road: &Arc<RoadNetwork>) -> Self {
         Self(road.has_heights().then(|| Arc::clone(road)))
+    }
+
+    /// No ways cross one above the other.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.0.is_none()
     }
 
     /// Whether one pose is above the other.
@@ -75,6 +90,20 @@ settings! {
         /// careful at junctions where something is hidden (`rules.unseen`).
         occlusion: bool = false;
     }
+}
+
+/// Time steps of the past by which a stated speed is judged, if they are known.
+pub(crate) const OBSERVED_STEPS: usize = 3;
+
+/// The speed of a recorded participant as it can be observed, from its state, the unit vector along its heading, and an
+/// earlier state with the number of time steps since.
+pub(crate) fn observed_speed(then: &State, axis: Point, earlier: Option<(usize, &State)>, dt: f64) -> f64 {
+    /// A stated speed that differs by more from the observed motion is not believed [m/s].
+    const CONTRADICTION: f64 = 1.0;
+    let Some((steps, before)) = earlier else { return then.velocity };
+    let moved = ((then.x - before.x) * axis.x + (then.y - before.y) * axis.y) / (steps as f64 * dt);
+    let stated = 0.5 * (then.velocity + before.velocity);
+    if (moved - stated).abs() > CONTRADICTION { moved } else { then.velocity }
 }
 
 /// All participants at one time step.
@@ -163,22 +192,14 @@ impl Scene {
 
     /// The speed as it could be observed at a time step of the past; `None` where the participant was absent.
     pub fn observed_velocity_at(&self, row: usize, time_step: i64) -> Option<f64> {
-        /// A stated speed that differs by more from the observed motion is not believed [m/s].
-        const CONTRADICTION: f64 = 1.0;
-        const WINDOW: i64 = 3;
         let then = self.past.get(row, time_step)?;
         if self.participants.is_agent[row] {
             return Some(then.velocity);
         }
-        let Some((steps, before)) =
-            (1..=WINDOW).rev().find_map(|steps| Some((steps, self.past.get(row, time_step - steps)?)))
-        else {
-            return Some(then.velocity);
-        };
-        let (sin, cos) = then.orientation.sin_cos();
-        let moved = ((then.x - before.x) * cos + (then.y - before.y) * sin) / (steps as f64 * self.dt);
-        let stated = 0.5 * (then.velocity + before.velocity);
-        Some(if (moved - stated).abs() > CONTRADICTION { moved } else { then.velocity })
+        let before = |ago: usize| Some((ago, self.past.get(row, time_step - ago as i64)?));
+        let earlier = (1..=OBSERVED_STEPS).rev().find_map(before);
+        let axis = Point::from_angle(then.orientation);
+        Some(observed_speed(&then, axis, earlier.as_ref().map(|(ago, state)| (*ago, state)), self.dt))
     }
 
     /// Positions of the participants present, in the order of `present`.
@@ -198,14 +219,10 @@ impl Scene {
     pub(crate) fn see(&self, row: usize, limits: &ViewLimits, positions: &[Point], visible: &mut Vec<usize>) {
         let participants = &self.participants;
         let eye = self.state(row).pose().position;
-        let is_near = |place: usize| {
-            let (other, distance) = (self.present[place], positions[place].distance(eye));
-            let size = |other: usize| participants.shape[other].bounding_radius();
-            distance <= limits.sensor_radius
-                || participants.is_static[other] && distance <= limits.sensor_radius + size(other)
-        };
+        let is_near = |place: usize| participants.is_near(self.present[place], positions[place], eye, limits);
         let pose = self.state(row).pose();
-        let is_level = |place: usize| !participants.storeys.are_apart(pose, self.state(self.present[place]).pose());
+        let is_level =
+            |place: usize| !participants.storeys.are_apart_at(|| (pose, self.state(self.present[place]).pose()));
         let others = (0..self.present.len()).filter(|place| self.present[*place] != row && is_level(*place));
         visible.clear();
         if !limits.occlusion {

@@ -133,12 +133,24 @@ impl States {
         self.ids.binary_search(&id).ok()
     }
 
-    /// State of a row at a time step; `None` where absent or outside the table.
-    pub fn get(&self, row: usize, time_step: i64) -> Option<State> {
+    /// Where the state of a row at a time step is in the fields; `None` where absent or outside the table.
+    #[inline]
+    fn place(&self, row: usize, time_step: i64) -> Option<usize> {
         let column =
             usize::try_from(time_step.wrapping_sub(self.first_time_step)).ok().filter(|c| *c < self.n_steps)?;
-        let i = row * self.n_steps + column;
-        self.valid[i].then(|| State {
+        Some(row * self.n_steps + column).filter(|i| self.valid[*i])
+    }
+
+    /// A row is there at a time step.
+    #[inline]
+    pub(crate) fn has(&self, row: usize, time_step: i64) -> bool {
+        self.place(row, time_step).is_some()
+    }
+
+    /// State of a row at a time step; `None` where absent or outside the table.
+    #[inline]
+    pub fn get(&self, row: usize, time_step: i64) -> Option<State> {
+        self.place(row, time_step).map(|i| State {
             x: self.x[i],
             y: self.y[i],
             orientation: self.orientation[i],

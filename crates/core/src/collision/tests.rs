@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::shape::Lcg;
+use crate::road::testing::{arc, lane, open};
 use crate::road::{LaneletInput, RoadJudge, RoadSettings};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -164,26 +165,58 @@ fn random_motions_agree_with_dense_sampling() {
 #[test]
 fn the_broad_phase_finds_what_trying_all_pairs_finds_in_ascending_order() {
     let shapes = shapes();
-    for (seed, half_size) in [(1, 10.0), (2, 40.0), (3, 120.0)] {
+    for (seed, half_size, wanted) in [(1, 10.0, 2), (2, 40.0, 20), (3, 120.0, 80)] {
         let mut random = Lcg::new(seed);
         let mut movers: Vec<Mover> = (0..80).map(|_| random_mover(&mut random, &shapes, half_size)).collect();
         movers[3].to = movers[3].from;
-        let is_relevant = |i: usize, j: usize| i % 5 != j % 5;
+        // Every so many, so that few are tried one by one and many by sorting.
+        let is_wanted = |i: usize| i.is_multiple_of(80 / wanted);
         let mut expected = Vec::new();
         for (i, a) in movers.iter().enumerate() {
-            for (j, b) in movers.iter().enumerate().skip(i + 1).filter(|(j, _)| is_relevant(i, *j)) {
+            for (j, b) in movers.iter().enumerate().skip(i + 1).filter(|(j, _)| is_wanted(i) || is_wanted(*j)) {
                 let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
                 expected.extend(found.map(|fraction| (i, j, fraction)));
             }
         }
         assert!(!expected.is_empty());
-        assert_eq!(contacts(&movers, is_relevant), expected);
+        assert_eq!(contacts(&movers, is_wanted), expected);
     }
 }
 
 #[test]
 fn without_others_there_is_no_contact() {
-    assert_eq!(contacts(&[], |_, _| true), []);
+    assert_eq!(contacts(&[], |_| true), []);
+}
+
+#[test]
+fn one_look_at_a_motion_finds_it_inside_the_lanelets_only_if_many_looks_do() {
+    let (car, mut random) = (Shape::rectangle(4.5, 1.8), Lcg::new(7));
+    let roads = [straight_road(), bent_road()];
+    let mut counts = [0, 0];
+    for round in 0..2000 {
+        let road = &roads[round % 2];
+        let mut pose = || Pose::new(random.within(4.0, 12.0), random.within(-1.2, 1.2), random.within(-0.4, 0.4));
+        let (from, by) = (pose(), pose());
+        let to = Pose {
+            position: from.position.lerp(by.position, 0.1),
+            orientation: from.orientation + 0.4 * by.orientation,
+        };
+        let found = stays_inside(road, &car, (from, to));
+        counts[usize::from(found)] += 1;
+        if found {
+            let motion = RigidMotion::new(from, to);
+            for pose in (0..=50).map(|look| motion.pose_at(f64::from(look) / 50.0)) {
+                assert!(road.covers(&car, pose), "{round}: {pose:?}");
+                assert_eq!(road.overhang(&car, pose, &mut Vec::new()), 0.0, "{round}: {pose:?}");
+            }
+        }
+    }
+    assert!(counts.iter().all(|n| *n > 100), "{counts:?}: the sample must hold both cases");
+}
+
+/// A lane 3.5 m wide around (0, 60), through the origin along x.
+fn bent_road() -> RoadNetwork {
+    open(vec![lane(1, &arc((0.0, 60.0), 60.0, -FRAC_PI_2, 0.0))])
 }
 
 /// One straight lane along x, 4 m wide, 200 m long.
@@ -248,14 +281,14 @@ fn a_long_body_that_turns_in_place_is_found_by_the_broad_phase() {
     let turning = Mover { shape: &bar, from: at(0.0, 0.0, 0.0), to: at(0.0, 0.0, 3.0) };
     let standing = |y: f64| Mover { shape: &pole, from: at(0.0, y, 0.0), to: at(0.0, y, 0.0) };
     // Half the width before the bar stands upright: (pi / 2 - asin(0.2 / 9)) / 3 of the turn.
-    let found = contacts(&[standing(9.0), turning], |_, _| true);
+    let found = contacts(&[standing(9.0), turning], |_| true);
     let [(0, 1, fraction)] = found[..] else { panic!("{found:?}") };
     assert!((fraction - (0.5 * PI - (0.2_f64 / 9.0).asin()) / 3.0).abs() < 1e-4, "{fraction}");
-    assert_eq!(contacts(&[standing(10.2), turning], |_, _| true), []);
+    assert_eq!(contacts(&[standing(10.2), turning], |_| true), []);
     // The same from almost upright to almost upright, through the pole on the x axis.
     let turning = Mover { shape: &bar, from: at(0.0, 0.0, -1.5), to: at(0.0, 0.0, 1.5) };
     let beside = Mover { shape: &pole, from: at(9.0, 0.0, 0.0), to: at(9.0, 0.0, 0.0) };
-    let found = contacts(&[turning, beside], |_, _| true);
+    let found = contacts(&[turning, beside], |_| true);
     let [(0, 1, fraction)] = found[..] else { panic!("{found:?}") };
     assert!((fraction - (1.5 - (0.2_f64 / 9.0).asin()) / 3.0).abs() < 1e-4, "{fraction}");
 }

@@ -12,6 +12,7 @@ pub use oriented_box::OrientedBox;
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Point, Pose};
 use crate::limits::{NUMBER_MAX, is_possible};
+use std::sync::Arc;
 
 /// Bodies nearer than this touch [m]; it absorbs the rounding of exact contacts.
 const TOUCHING_DISTANCE: f64 = 1e-9;
@@ -23,8 +24,9 @@ const CIRCLE_CORNERS: usize = 32;
 /// A body in its body frame (x ahead, y left): the union of convex parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape {
-    parts: Vec<ConvexPart>,
-    outline: Vec<Vec<Point>>,
+    /// Shared by copies, like the outline.
+    parts: Arc<[ConvexPart]>,
+    outline: Arc<[Vec<Point>]>,
     bounding_box: Aabb,
     bounding_radius: f64,
 }
@@ -72,8 +74,8 @@ impl Shape {
     pub fn group(shapes: Vec<Shape>) -> Self {
         let (mut parts, mut outline) = (Vec::new(), Vec::new());
         for shape in shapes {
-            parts.extend(shape.parts);
-            outline.extend(shape.outline);
+            parts.extend_from_slice(&shape.parts);
+            outline.extend_from_slice(&shape.outline);
         }
         Self::from_parts(parts, outline)
     }
@@ -82,7 +84,7 @@ impl Shape {
         let origin = Placement::new(Pose::default());
         let bounding_box = parts.iter().fold(Aabb::EMPTY, |aabb, part| aabb.union(part.aabb(&origin)));
         let bounding_radius = parts.iter().map(|part| part.lever() + part.radius).fold(0.0, f64::max);
-        Self { parts, outline, bounding_box, bounding_radius }
+        Self { parts: parts.into(), outline: outline.into(), bounding_box, bounding_radius }
     }
 
     /// Checks that a body can have this shape; for shapes made of numbers from outside.
@@ -94,7 +96,7 @@ impl Shape {
             return Err(Error::invalid("a shape needs at least one part"));
         }
         self.check_numbers()?;
-        for part in &self.parts {
+        for part in &*self.parts {
             if part.radius < 0.0 || (part.vertices.len() > 1 && part.doubled_area() <= 0.0) {
                 return Err(Error::invalid("a shape has a negative length, width or radius"));
             }
@@ -138,7 +140,7 @@ impl Shape {
 
     /// Closed outlines in the body frame for pictures, last vertex not repeated; circles as polygons.
     pub fn outline(&self) -> Vec<Vec<Point>> {
-        self.outline.clone()
+        self.outline.to_vec()
     }
 
     /// The same, borrowed.
@@ -184,8 +186,8 @@ impl Shape {
     pub fn distance(&self, pose: Pose, other: &Self, other_pose: Pose) -> f64 {
         let other_in_self = Placement::new(pose).relative(&Placement::new(other_pose));
         let mut nearest = f64::INFINITY;
-        for part in &self.parts {
-            for other_part in &other.parts {
+        for part in &*self.parts {
+            for other_part in &*other.parts {
                 if part.distance_at_least(other_part, &other_in_self) < nearest {
                     let distance = part.gap(other_part, &other_in_self).map_or(0.0, |gap| gap.distance);
                     nearest = nearest.min(distance);
@@ -197,7 +199,10 @@ impl Shape {
 
     /// The world point lies in the body at its pose, or on the edge.
     pub fn contains(&self, pose: Pose, point: Point) -> bool {
-        self.contains_in_body(pose.body_from_world(point))
+        /// Rounding [m].
+        const MARGIN: f64 = 1e-6;
+        let reach = self.bounding_radius + MARGIN;
+        (point - pose.position).norm_squared() <= reach * reach && self.contains_in_body(pose.body_from_world(point))
     }
 
     fn contains_in_body(&self, point: Point) -> bool {
@@ -207,7 +212,7 @@ impl Shape {
     /// Centre of area in the body frame, overlaps of parts counted twice; NaN for an empty shape.
     pub fn centroid(&self) -> Point {
         let (mut area, mut moment) = (0.0, Point::default());
-        for part in &self.parts {
+        for part in &*self.parts {
             let first = part.vertices[0];
             let disc = std::f64::consts::PI * part.radius * part.radius;
             area += disc;

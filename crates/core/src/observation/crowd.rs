@@ -1,7 +1,7 @@
 //! The participants present as bodies, computed once for all observers.
 
 use crate::geometry::{Point, Pose};
-use crate::scene::Scene;
+use crate::scene::{Participants, Scene, observed_speed};
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
@@ -30,9 +30,8 @@ pub struct ObservedBody {
 }
 
 impl ObservedBody {
-    /// The participant in a row of a scene, in a state.
-    pub fn new(scene: &Scene, row: usize, state: &State, velocity: f64) -> Self {
-        let participants = &scene.participants;
+    /// The participant in a row, in a state.
+    pub fn new(participants: &Participants, row: usize, state: &State, velocity: f64) -> Self {
         let what = (participants.shape[row].extent(), participants.kind[row], participants.is_static[row]);
         Self::of(participants.ids[row], state.pose(), velocity, what)
     }
@@ -49,9 +48,12 @@ impl ObservedBody {
         velocity: f64,
         (size, kind, is_static): ((f64, f64), ParticipantKind, bool),
     ) -> Self {
-        let axis = Point::from_angle(pose.orientation);
         let class = class(kind, is_static);
-        Self { id, position: pose.position, axis, velocity, size, class, predicted: None, before: None }
+        Self::along(id, pose.position, Point::from_angle(pose.orientation), velocity, (size, class))
+    }
+
+    fn along(id: i64, position: Point, axis: Point, velocity: f64, (size, class): ((f64, f64), usize)) -> Self {
+        Self { id, position, axis, velocity, size, class, predicted: None, before: None }
     }
 }
 
@@ -66,9 +68,31 @@ pub fn bodies(scene: &Scene, is_drawn: bool, out: &mut Vec<ObservedBody>) {
         ObservedBody {
             predicted: Some(place),
             before: before.map(|state| (state.pose().position, Point::from_angle(state.orientation))),
-            ..ObservedBody::new(scene, *row, &state, scene.observed_velocity(*row))
+            ..ObservedBody::new(&scene.participants, *row, &state, scene.observed_velocity(*row))
         }
     }));
+}
+
+/// Writes the bodies of the participants present, and their rows, as [`bodies`] writes those of a scene, but without
+/// predictions and pictures. `present` has row and state of each, and an earlier state with the time steps since.
+pub(crate) fn present_bodies<'a>(
+    participants: &Participants,
+    present: impl Iterator<Item = (usize, &'a State, Option<(usize, &'a State)>)>,
+    dt: f64,
+    rows: &mut Vec<usize>,
+    out: &mut Vec<ObservedBody>,
+) {
+    rows.clear();
+    out.clear();
+    for (row, state, earlier) in present {
+        let axis = Point::from_angle(state.orientation);
+        let earlier = earlier.filter(|_| !participants.is_agent[row]);
+        let velocity = observed_speed(state, axis, earlier, dt);
+        let class = class(participants.kind[row], participants.is_static[row]);
+        let what = (participants.shape[row].extent(), class);
+        rows.push(row);
+        out.push(ObservedBody::along(participants.ids[row], state.pose().position, axis, velocity, what));
+    }
 }
 
 /// Time steps of the past that a picture needs.

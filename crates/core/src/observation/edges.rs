@@ -1,10 +1,11 @@
 //! The road edges around an observer.
 
+use super::layout::{EDGE, factors};
 use super::{Frame, Observer, Writer};
 use crate::geometry::Aabb;
 
-/// Numbers of a piece.
-const COLUMNS: usize = super::layout::EDGE.len();
+/// Scales of the numbers of a piece.
+const FACTORS: [f64; 6] = factors(EDGE);
 /// Pieces further away are not told [m].
 const EDGE_REACH: f64 = 50.0;
 
@@ -45,11 +46,9 @@ pub(super) fn write(
         let along = piece.b - piece.a;
         let length = along.norm();
         let place = frame.place(piece.nearest(eye));
-        out.flag(true);
-        out.put(place.x, 50.0);
-        out.put(place.y, 50.0);
-        out.turn(frame.axis, along * length.recip());
-        out.put(0.5 * length, 5.0);
+        let along = along * length.recip();
+        let (sin, cos) = (frame.axis.cross(along), frame.axis.dot(along));
+        out.row([1.0, place.x, place.y, sin, cos, 0.5 * length], &FACTORS);
     }
-    out.zeros((n - nearest.len()) * COLUMNS);
+    out.zeros((n - nearest.len()) * FACTORS.len());
 }

@@ -42,6 +42,20 @@ const fn by(number: f64) -> Scale {
     Scale::By(number)
 }
 
+/// What the numbers of a row are multiplied by; 1 where that depends on the vehicle.
+pub(super) const fn factors<const N: usize>(columns: Columns) -> [f64; N] {
+    assert!(columns.len() == N);
+    let mut found = [1.0; N];
+    let mut i = 0;
+    while i < N {
+        if let Scale::By(number) = columns[i].2 {
+            found[i] = 1.0 / number;
+        }
+        i += 1;
+    }
+    found
+}
+
 /// Of the observer.
 pub(super) const EGO: Columns = &[
     ("speed", "m/s", by(40.0)),
@@ -61,6 +75,9 @@ pub(super) const EGO: Columns = &[
     ("speed limit; 1 without one", "m/s", by(40.0)),
     ("1 beyond the ends of the path", "", by(1.0)),
 ];
+
+/// Numbers of the first block of every observation: the observer.
+pub(crate) const EGO_LENGTH: usize = EGO.len();
 
 /// Of its goal.
 pub(super) const GOAL: Columns = &[

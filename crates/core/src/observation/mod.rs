@@ -16,10 +16,13 @@ use crate::road::RoadNetwork;
 use crate::route::Route;
 use crate::rules::SpeedLimits;
 use crate::scenario::Goal;
+use crate::simd::multiversion;
 use crate::trajectory::{Predictions, State};
 use crate::vehicle::Vehicle;
 use crate::vehicle::single_track::steering_angle;
+pub(crate) use crowd::present_bodies;
 pub use crowd::{ObservedBody, bodies, past_steps};
+use layout::factors;
 pub use path_table::PathTable;
 pub use raster::{LAYERS, PIXELS, SIDE, draw};
 pub use settings::{AHEAD, Form, ObservationSettings};
@@ -63,36 +66,41 @@ pub struct ObservationMemory {
     edges: Vec<(f64, usize)>,
 }
 
-/// Writes numbers one after the other.
+/// Writes rows of numbers one after the other.
 struct Writer<'a> {
     out: &'a mut [f32],
-    next: usize,
 }
 
-impl Writer<'_> {
+impl<'a> Writer<'a> {
+    /// A row, each number times its factor.
     #[inline(always)]
-    fn put(&mut self, value: f64, scale: f64) {
-        let scaled = (value / scale).clamp(-1.0, 1.0);
-        self.out[self.next] = if scaled.is_nan() { 0.0 } else { scaled as f32 };
-        self.next += 1;
+    fn row<const N: usize>(&mut self, values: [f64; N], factors: &[f64; N]) {
+        let out = self.take(N);
+        for i in 0..N {
+            let scaled = values[i] * factors[i];
+            let bounded = if scaled > 1.0 { 1.0 } else { scaled };
+            let bounded = if bounded < -1.0 { -1.0 } else { bounded };
+            out[i] = if bounded.is_nan() { 0.0 } else { bounded as f32 };
+        }
     }
 
     #[inline(always)]
-    fn flag(&mut self, value: bool) {
-        self.put(f64::from(u8::from(value)), 1.0);
-    }
-
-    /// Sine and cosine of the angle between two unit vectors.
-    #[inline(always)]
-    fn turn(&mut self, from: Point, to: Point) {
-        self.put(from.cross(to), 1.0);
-        self.put(from.dot(to), 1.0);
-    }
-
     fn zeros(&mut self, n: usize) {
-        self.out[self.next..self.next + n].fill(0.0);
-        self.next += n;
+        self.take(n).fill(0.0);
     }
+
+    #[inline(always)]
+    fn take(&mut self, n: usize) -> &'a mut [f32] {
+        let (part, rest) = std::mem::take(&mut self.out).split_at_mut(n);
+        self.out = rest;
+        part
+    }
+}
+
+/// 1 or 0.
+#[inline(always)]
+fn flag(value: bool) -> f64 {
+    f64::from(u8::from(value))
 }
 
 /// The frame of an observer.
@@ -114,27 +122,43 @@ impl Frame {
     }
 }
 
-/// Writes all blocks. `seen` are the participants that the observer sees, in any order.
-pub fn observe<'a>(
+multiversion! {
+    /// Writes all blocks. `seen` are those of the bodies that the observer sees, in any order.
+    pub fn observe = observe_all, (
+        observer: &Observer<'_>,
+        bodies: &[ObservedBody],
+        seen: &[usize],
+        settings: &ObservationSettings,
+        memory: &mut ObservationMemory,
+        out: &mut [f32],
+    )
+}
+
+#[inline(always)]
+fn observe_all(
     observer: &Observer<'_>,
-    seen: impl Iterator<Item = &'a ObservedBody> + Clone,
+    bodies: &[ObservedBody],
+    seen: &[usize],
     settings: &ObservationSettings,
     memory: &mut ObservationMemory,
     out: &mut [f32],
 ) {
     let state = observer.state;
     let frame = Frame { origin: Point::new(state.x, state.y), axis: Point::from_angle(state.orientation) };
-    let mut writer = Writer { out, next: 0 };
+    let mut writer = Writer { out };
     ego(observer, &frame, &mut writer);
     goal(observer, &frame, &mut writer);
     route(observer, &frame, settings.route, &mut writer);
-    partners::nearest(&frame, seen.clone(), settings.partners, &mut memory.partners);
-    partners::write(observer, &frame, seen.clone(), settings.partners, &memory.partners, &mut writer);
-    edges::write(observer, &frame, settings.edges, &mut memory.edges, &mut writer);
-    partners::write_predictions(observer, &frame, seen, settings.predicted(), &memory.partners, &mut writer);
+    let ObservationMemory { partners, edges } = memory;
+    partners::nearest(&frame, bodies, seen, settings.partners, partners);
+    partners::write(observer, &frame, bodies, settings.partners, partners, &mut writer);
+    edges::write(observer, &frame, settings.edges, edges, &mut writer);
+    partners::write_predictions(observer, &frame, bodies, settings.predicted(), partners, &mut writer);
 }
 
+#[inline(always)]
 fn ego(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
+    const FACTORS: [f64; 16] = factors(layout::EGO);
     let Observer { state, vehicle, route, table, limits, s, .. } = *observer;
     let axle = frame.origin - frame.axis * vehicle.rear_axle_to_center;
     let at = route.path.at(s);
@@ -143,51 +167,60 @@ fn ego(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
     let beside = route.path.at(q);
     let center_offset = beside.tangent().cross(frame.origin - beside.position);
     let [left, right] = table.at(q);
-    out.put(state.velocity, 40.0);
-    out.put(state.acceleration, 10.0);
-    out.put(state.yaw_rate, 1.0);
-    out.put(steering_angle(vehicle, state, at.curvature), vehicle.steering_angle_max);
-    out.put(at.tangent().cross(offset), 10.0);
-    out.turn(at.tangent(), frame.axis);
-    out.put(at.curvature, 0.2);
-    out.put(state.velocity * state.yaw_rate, vehicle.lateral_acceleration_max);
-    out.put(vehicle.forward_acceleration_max(state.velocity), 12.0);
-    out.put(vehicle.length, 20.0);
-    out.put(vehicle.width, 4.0);
-    out.put(left - center_offset, 10.0);
-    out.put(right + center_offset, 10.0);
-    out.put(limits.at(q), 40.0);
-    out.flag(at.tangent().dot(offset).abs() > FOOT_TOLERANCE);
+    let values = [
+        state.velocity,
+        state.acceleration,
+        state.yaw_rate,
+        steering_angle(vehicle, state, at.curvature) / vehicle.steering_angle_max,
+        at.tangent().cross(offset),
+        at.tangent().cross(frame.axis),
+        at.tangent().dot(frame.axis),
+        at.curvature,
+        state.velocity * state.yaw_rate / vehicle.lateral_acceleration_max,
+        vehicle.forward_acceleration_max(state.velocity),
+        vehicle.length,
+        vehicle.width,
+        left - center_offset,
+        right + center_offset,
+        limits.at(q),
+        flag(at.tangent().dot(offset).abs() > FOOT_TOLERANCE),
+    ];
+    out.row(values, &FACTORS);
 }
 
+#[inline(always)]
 fn goal(observer: &Observer<'_>, frame: &Frame, out: &mut Writer<'_>) {
+    const FACTORS: [f64; 12] = factors(layout::GOAL);
     let Observer { state, vehicle, route, table, goal, s, time_step, dt, last_time_step, .. } = *observer;
     let q = s + vehicle.rear_axle_to_center;
     let wanted = &goal.states[table.alternative];
     let along = |to: f64| if to.is_nan() { f64::INFINITY } else { to - q };
-    out.put(along(route.goal_entry_s), 200.0);
-    out.put(along(route.goal_exit_s), 200.0);
     let center = table.goal_center.map_or(Point::default(), |center| frame.place(center));
-    out.put(center.x, 200.0);
-    out.put(center.y, 200.0);
-    for then in [wanted.time_step.0, wanted.time_step.1, last_time_step.unwrap_or(wanted.time_step.1)] {
-        out.put((then - time_step) as f64 * dt, 20.0);
-    }
+    let until = |then: i64| (then - time_step) as f64 * dt;
     let (lowest, highest) = wanted.velocity.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-    out.put(lowest - state.velocity, 40.0);
-    out.put(highest - state.velocity, 40.0);
-    match wanted.orientation {
-        Some((low, high)) => {
-            let (sin, cos) = wrap_angle(low + 0.5 * (high - low) - state.orientation).sin_cos();
-            out.put(sin, 1.0);
-            out.put(cos, 1.0);
-        }
-        None => out.zeros(2),
-    }
-    out.flag(table.goal_center.is_some());
+    let (sin, cos) = wanted
+        .orientation
+        .map_or((0.0, 0.0), |(low, high)| wrap_angle(low + 0.5 * (high - low) - state.orientation).sin_cos());
+    let values = [
+        along(route.goal_entry_s),
+        along(route.goal_exit_s),
+        center.x,
+        center.y,
+        until(wanted.time_step.0),
+        until(wanted.time_step.1),
+        until(last_time_step.unwrap_or(wanted.time_step.1)),
+        lowest - state.velocity,
+        highest - state.velocity,
+        sin,
+        cos,
+        flag(table.goal_center.is_some()),
+    ];
+    out.row(values, &FACTORS);
 }
 
+#[inline(always)]
 fn route(observer: &Observer<'_>, frame: &Frame, n: usize, out: &mut Writer<'_>) {
+    const FACTORS: [f64; 8] = factors(layout::ROUTE);
     let Observer { vehicle, route, table, s, .. } = *observer;
     let q = s + vehicle.rear_axle_to_center;
     let length = route.path.length();
@@ -201,17 +234,13 @@ fn route(observer: &Observer<'_>, frame: &Frame, n: usize, out: &mut Writer<'_>)
     let [x, y, _, cos, sin, curvature, _] = &fields;
     for i in 0..n {
         if arc_lengths[i] > length {
-            out.zeros(8);
+            out.zeros(FACTORS.len());
             continue;
         }
         let place = frame.place(Point::new(x[i], y[i]));
+        let tangent = Point::new(cos[i], sin[i]);
         let [left, right] = table.at(arc_lengths[i]);
-        out.flag(true);
-        out.put(place.x, 100.0);
-        out.put(place.y, 100.0);
-        out.turn(frame.axis, Point::new(cos[i], sin[i]));
-        out.put(curvature[i], 0.2);
-        out.put(left, 10.0);
-        out.put(right, 10.0);
+        let (sin, cos) = (frame.axis.cross(tangent), frame.axis.dot(tangent));
+        out.row([1.0, place.x, place.y, sin, cos, curvature[i], left, right], &FACTORS);
     }
 }

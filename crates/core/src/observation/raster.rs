@@ -24,8 +24,8 @@ const N_STEPS: usize = ((PATH_BEHIND + PATH_AHEAD) / PATH_STEP) as usize + 1;
 /// What is on the border of an area is inside, whatever rounding does to it [pixels].
 const BORDER_TOLERANCE: f64 = 1e-9;
 
-/// Draws what an observer sees into `PIXELS` bytes. `seen` are the participants that it sees.
-pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a ObservedBody>, out: &mut [u8]) {
+/// Draws what an observer sees into `PIXELS` bytes. `seen` are those of the bodies that it sees.
+pub fn draw(observer: &Observer<'_>, bodies: &[ObservedBody], seen: &[usize], out: &mut [u8]) {
     let state = observer.state;
     let frame = Frame { origin: Point::new(state.x, state.y), axis: Point::from_angle(state.orientation) };
     out.fill(0);
@@ -35,7 +35,7 @@ pub fn draw<'a>(observer: &Observer<'_>, seen: impl Iterator<Item = &'a Observed
     road(observer, &frame, roads);
     path(observer, &frame, &mut Layer(ways));
     goal(observer, &frame, &mut Layer(ways));
-    for body in seen {
+    for body in seen.iter().map(|place| &bodies[*place]) {
         rectangle(body.position, body.axis, body.size, &frame, &mut Layer(now));
         if let Some((position, axis)) = body.before {
             rectangle(position, axis, body.size, &frame, &mut Layer(before));

@@ -35,6 +35,10 @@ struct World {
     shift: Point,
 }
 
+fn all(bodies: &[ObservedBody]) -> Vec<usize> {
+    (0..bodies.len()).collect()
+}
+
 impl World {
     fn new(turn: f64, shift: Point) -> Self {
         let road = road(turn, shift);
@@ -97,7 +101,7 @@ impl World {
     ) -> Vec<f32> {
         self.with_observer(state, predictions, |observer| {
             let mut out = vec![9.0; layout::length(settings)];
-            observe(observer, bodies.iter(), settings, &mut ObservationMemory::default(), &mut out);
+            observe(observer, bodies, &all(bodies), settings, &mut ObservationMemory::default(), &mut out);
             out
         })
     }
@@ -105,7 +109,7 @@ impl World {
     fn picture(&self, state: &State, bodies: &[ObservedBody]) -> Vec<u8> {
         self.with_observer(state, None, |observer| {
             let mut out = vec![9; PIXELS];
-            draw(observer, bodies.iter(), &mut out);
+            draw(observer, bodies, &all(bodies), &mut out);
             out
         })
     }

@@ -55,6 +55,7 @@ pub(super) struct PolicyMemory {
     inputs: Vec<f32>,
     outputs: Vec<f32>,
     bodies: Vec<ObservedBody>,
+    seen: Vec<usize>,
     observation: ObservationMemory,
 }
 
@@ -124,6 +125,8 @@ pub(super) fn plan(
 ) -> PlanResult {
     memory.bodies.clear();
     memory.bodies.extend(request.others.iter().enumerate().map(body));
+    memory.seen.clear();
+    memory.seen.extend(0..memory.bodies.len());
     let observer = Observer {
         state: &request.state,
         vehicle: request.vehicle,
@@ -140,7 +143,8 @@ pub(super) fn plan(
     };
     memory.inputs.clear();
     memory.inputs.resize(layout::length(&policy.observation), 0.0);
-    observe(&observer, memory.bodies.iter(), &policy.observation, &mut memory.observation, &mut memory.inputs);
+    let PolicyMemory { bodies, seen, observation, inputs, .. } = memory;
+    observe(&observer, bodies, seen, &policy.observation, observation, inputs);
     let outputs = policy.outputs(memory);
     let mut numbers = [0.0; 2];
     let action = if policy.space.size().is_some() {

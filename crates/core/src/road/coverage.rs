@@ -73,6 +73,13 @@ impl DrivableArea {
         (first != Ground::Edge && cells.all(|cell| self.ground[cell] == first)).then_some(first == Ground::Road)
     }
 
+    /// Some road edge in the cells under the box satisfies the test.
+    pub(super) fn any_edge_near(&self, aabb: &Aabb, test: impl Fn(&Segment) -> bool) -> bool {
+        let Some(range) = self.surface.grid.range(aabb) else { return false };
+        let mut cells = self.surface.grid.cells(range);
+        cells.any(|cell| self.buckets.of(cell).iter().any(|i| test(&self.edges[*i as usize])))
+    }
+
     fn edges_near(&self, aabb: &Aabb, out: &mut Vec<u32>) {
         out.clear();
         let Some(range) = self.surface.grid.range(aabb) else { return };

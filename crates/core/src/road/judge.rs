@@ -7,9 +7,10 @@
 use super::edges::Segment;
 use super::{RoadNetwork, RoadSettings};
 use crate::geometry::shape::{OrientedBox, Shape};
-use crate::geometry::{Point, Pose};
+use crate::geometry::{Point, Pose, wrap_angle};
 use crate::settings::choice;
 use crate::vehicle::Vehicle;
+use std::f64::consts::FRAC_PI_2;
 
 /// A lane bends where its curvature over 6 m is at least this [1/m].
 const BEND_CURVATURE: f64 = 0.08;
@@ -65,6 +66,28 @@ impl RoadNetwork {
             || (self.settings.judge != RoadJudge::Body && self.admits_wheels(body, &vehicle.wheels(body), scratch))
     }
 
+    /// Whatever a body of one convex part covers while it moves straight from one pose to another, turning on the way,
+    /// lies on the lanelets: every judge admits it all the way, and nothing of it overhangs. One look instead of many; false
+    /// says nothing.
+    pub(crate) fn surrounds(&self, shape: &Shape, from: Pose, to: Pose, looks: usize) -> bool {
+        /// Rounding [m].
+        const MARGIN: f64 = 1e-6;
+        let [part] = shape.parts() else { return false };
+        let turn = wrap_angle(to.orientation - from.orientation);
+        if !part.is_centered() || turn.abs() > FRAC_PI_2 {
+            return false;
+        }
+        // Seen from the straight motion of the body origin, a turning point leaves its chord by the height of the arc.
+        let bulge = shape.bounding_radius() * (1.0 - (0.5 * turn).cos());
+        let swept = OrientedBox::spanning(&shape.oriented_box(from), &shape.oriented_box(to)).grown(bulge + MARGIN);
+        let aabb = swept.aabb();
+        self.area.uniform(&aabb).unwrap_or_else(|| {
+            let centers = (0..=looks).map(|look| from.position.lerp(to.position, look as f64 / looks as f64));
+            let is_clear = !self.area.any_edge_near(&aabb, |edge| swept.overlaps_segment(edge.a, edge.b));
+            is_clear && { centers }.all(|center| self.is_on_road(center))
+        })
+    }
+
     /// The judge by wheels for a body that crosses the edge.
     fn admits_wheels(&self, body: &OrientedBox, wheels: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
         let RoadSettings { judge, turn_tolerance, overhang_max, .. } = self.settings;
@@ -87,12 +110,13 @@ impl RoadNetwork {
         if self.area.uniform(&aabb) == Some(true) || self.covers_by(shape, pose, &aabb, 0.0, scratch) {
             return 0.0;
         }
-        let most = shape.bounding_radius();
+        let (most, axis) = (shape.bounding_radius(), Point::from_angle(pose.orientation));
         let mut furthest = 0.0_f64;
         for part in shape.outlines() {
-            let corner = |i: usize| pose.world_from_body(part[i]);
-            let distances = outline_of(part.len(), &corner).map(|point| self.area.surface.distance(point, most));
-            furthest = distances.fold(furthest, f64::max);
+            let corner = |i: usize| pose.position + axis * part[i].x + axis.left() * part[i].y;
+            for point in outline_of(part.len(), corner) {
+                furthest = self.area.surface.distance_above(furthest, point, most);
+            }
         }
         furthest
     }
@@ -155,7 +179,7 @@ mod tests {
     use super::*;
     use crate::road::LaneletInput;
     use crate::road::testing::{arc, lane, parallel_lanes};
-    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    use std::f64::consts::{FRAC_PI_4, PI};
 
     /// 4.508 m by 1.610 m; its axles are 1.423 m behind and 1.156 m ahead of its centre.
     const CAR: Vehicle = Vehicle::BMW_320I;

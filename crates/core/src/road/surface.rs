@@ -129,11 +129,21 @@ impl Surface {
             || self.grid.cells(range).any(|cell| self.in_cell(cell).any(|triangle| triangle.is_within(point, distance)))
     }
 
-    /// Distance from the nearest triangle [m], at most `most`.
-    pub(super) fn distance(&self, point: Point, most: f64) -> f64 {
-        let Some(range) = self.grid.range(&Aabb { min: point, max: point }.grown(most)) else { return most };
-        let cells = self.grid.cells(range);
-        cells.flat_map(|cell| self.in_cell(cell)).map(|triangle| triangle.distance(point)).fold(most, f64::min)
+    /// Distance from the nearest triangle [m], at most `most`; or `least`, if that is more.
+    pub(super) fn distance_above(&self, least: f64, point: Point, most: f64) -> f64 {
+        let is_inside = |cell: usize| self.in_cell(cell).any(|triangle| triangle.contains(point));
+        if self.grid.cell_of(point).is_some_and(is_inside) {
+            return least;
+        }
+        let mut nearest = most;
+        let Some(range) = self.grid.range(&Aabb { min: point, max: point }.grown(most)) else { return most.max(least) };
+        for triangle in self.grid.cells(range).flat_map(|cell| self.in_cell(cell)) {
+            if nearest <= least {
+                return least;
+            }
+            nearest = nearest.min(triangle.distance(point));
+        }
+        nearest.max(least)
     }
 
     /// Writes the lanelets with a triangle in the cells of a box that satisfies the test, ascending.

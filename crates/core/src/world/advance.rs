@@ -4,12 +4,12 @@ use crate::barrier::Barrier;
 use std::collections::BTreeSet;
 
 use super::{Drive, Outside, StepMemory, StepSettings, World};
-use crate::collision::{Mover, departure, find_contacts};
+use crate::collision::{Mover, departure, find_contacts, stays_inside};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 use crate::recording::{Outcome, OutcomeKind, Wait};
 use crate::scenario::GoalState;
-use crate::trajectory::{Plans, State};
+use crate::trajectory::{Plans, State, States};
 
 /// Beyond the end of the goal's areas by this much [m], the goal is missed.
 const MISSED_MARGIN: f64 = 1.0;
@@ -157,9 +157,19 @@ impl World {
     }
 
     fn recorded_state(&self, row: usize, time_step: i64) -> Option<State> {
+        let (states, time_step) = self.recorded_at(row, time_step);
+        states.get(row, time_step)
+    }
+
+    fn is_recorded(&self, row: usize, time_step: i64) -> bool {
+        let (states, time_step) = self.recorded_at(row, time_step);
+        states.has(row, time_step)
+    }
+
+    /// The recording, and where the state of a row at a time step is in it.
+    fn recorded_at(&self, row: usize, time_step: i64) -> (&States, i64) {
         let obstacles = &self.scenario.obstacles;
-        let time_step = if obstacles.is_static[row] { obstacles.states.first_time_step } else { time_step };
-        obstacles.states.get(row, time_step)
+        (&obstacles.states, if obstacles.is_static[row] { obstacles.states.first_time_step } else { time_step })
     }
 
     fn judge_contacts(&mut self, StepMemory { next, moving, contacts, .. }: &mut StepMemory, jumped: &[i64]) {
@@ -171,9 +181,7 @@ impl World {
             let jumps = jumped.contains(&self.participants.ids[row]);
             Mover { shape: &self.participants.shape[row], from: if jumps { to } else { from }, to }
         };
-        let is_agent = &self.participants.is_agent;
-        let relevant = |i: usize, j: usize| is_agent[moving[i]] || is_agent[moving[j]];
-        find_contacts(moving.len(), mover, relevant, contacts);
+        find_contacts(moving.len(), mover, |i| self.participants.is_agent[moving[i]], contacts);
         let mut still_touching = BTreeSet::new();
         for (i, j, fraction) in contacts.found.iter().copied() {
             let pair = (moving[i], moving[j]);
@@ -203,6 +211,9 @@ impl World {
         for drive in self.drives.iter_mut().filter(|drive| drive.is_driving(self.time_step)) {
             let (from, to) =
                 (self.states[drive.row].expect("driving").pose(), next[drive.row].expect("driving").pose());
+            if drive.was_on_road && stays_inside(&road, &drive.agent.shape, (from, to)) {
+                continue;
+            }
             if drive.was_on_road {
                 if let Some(fraction) = departure(&road, &drive.agent.shape, &drive.agent.vehicle, (from, to), scratch)
                 {
@@ -307,18 +318,13 @@ impl World {
     pub(super) fn enter(&mut self, time_step: i64) {
         let mut entered = Vec::new();
         for row in 0..self.states.len() {
-            let state = match self.recorded_row[row] {
-                Some(recorded) => self.recorded_state(recorded, time_step),
-                None => None,
-            };
-            let was_absent = time_step == self.first_time_step
-                || self.recorded_row[row]
-                    .is_some_and(|recorded| self.recorded_state(recorded, time_step - 1).is_none());
-            if self.recorded_row[row].is_some() {
-                self.states[row] = state;
-                if was_absent && state.is_some() {
-                    entered.push(row);
-                }
+            let Some(recorded) = self.recorded_row[row] else { continue };
+            let is_first = time_step == self.first_time_step;
+            if is_first {
+                self.states[row] = self.recorded_state(recorded, time_step);
+            }
+            if self.states[row].is_some() && (is_first || !self.is_recorded(recorded, time_step - 1)) {
+                entered.push(row);
             }
         }
         self.let_wait(time_step);
@@ -436,10 +442,10 @@ impl Drive {
             return Some(OutcomeKind::GoalReachedLate);
         }
         let center = self.s + self.agent.vehicle.rear_axle_to_center;
-        let inside = goal.states.iter().any(|alternative| alternative.contains(state));
+        let is_inside = || goal.states.iter().any(|alternative| alternative.contains(state));
         // NaN (a goal without position) compares false.
         let goal_exit = self.agent.route.goal_exit_s;
-        if (center > goal_exit + MISSED_MARGIN || self.has_left_path && goal_exit.is_finite()) && !inside {
+        if (center > goal_exit + MISSED_MARGIN || self.has_left_path && goal_exit.is_finite()) && !is_inside() {
             return Some(OutcomeKind::GoalMissed);
         }
         (self.last_time_step(settings).is_some_and(|last| time_step >= last)).then_some(OutcomeKind::TimeLimit)

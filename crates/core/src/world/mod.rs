@@ -38,7 +38,7 @@ use crate::right_of_way::{Course, Memory, Order};
 use crate::route::Route;
 use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
-use crate::scene::{Participants, Scene, ViewLimits};
+use crate::scene::{OBSERVED_STEPS, Participants, Scene, ViewLimits};
 use crate::trajectory::{Plans, Predictions, State, States, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
@@ -98,10 +98,10 @@ impl Clone for Effort {
 
 /// Something that threads share, with copies that have their own.
 #[derive(Debug, Default)]
-struct Shared<T>(Mutex<T>);
+pub(crate) struct Shared<T>(Mutex<T>);
 
 impl<T> Shared<T> {
-    fn lock(&self) -> MutexGuard<'_, T> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -277,9 +277,9 @@ pub(crate) struct Driver<'a> {
     pub(crate) last_time_step: Option<i64>,
 }
 
-/// Memory that steps reuse.
+/// Memory that steps reuse; nothing in it outlives a step.
 #[derive(Debug, Default, Clone)]
-struct StepMemory {
+pub(crate) struct StepMemory {
     /// States of the step before, afterwards.
     next: Vec<Option<State>>,
     /// Rows of the participants that are there before and after the step.
@@ -310,6 +310,11 @@ impl World {
         let first_time_step = scenario.obstacles.states.first_time_step;
         world.restart(&scenario, &staged, first_time_step);
         Ok(world)
+    }
+
+    /// Gives it other memory for its steps, and hands over its own.
+    pub(crate) fn swap_memory(&mut self, memory: &mut StepMemory) {
+        std::mem::swap(&mut self.step_memory, memory);
     }
 
     /// Now.
@@ -380,7 +385,7 @@ impl World {
             s: drive.s,
             row: drive.row,
             outcome: &drive.outcome,
-            state: self.recording.last_state(drive.row),
+            state: self.states[drive.row].or_else(|| self.recording.last_state(drive.row)),
             last_time_step: drive.last_time_step(&self.settings.step),
         }
     }
@@ -413,6 +418,12 @@ impl World {
         let mut scene = self.scene_with_past(self.settings.step.history_at(self.scenario.dt));
         self.write_turns(&scene.present, &mut scene.turns);
         scene
+    }
+
+    /// Rows and states of the participants present; each with the earliest state by which its speed can be judged, and the time
+    /// steps since.
+    pub(crate) fn present(&self) -> impl Iterator<Item = (usize, &State, Option<(usize, &State)>)> {
+        self.recording.present::<OBSERVED_STEPS>().filter(|(row, ..)| self.states[*row].is_some())
     }
 
     /// Writes what can be seen now, with a part of the past, into a scene that is there; memory is reused.

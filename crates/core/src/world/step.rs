@@ -47,11 +47,16 @@ impl Step {
         Self { scene: Arc::new(world.scene()), expected: None, plans }
     }
 
+    /// Begins the next step without looking: the scene stays what it was, and nothing can be predicted or planned from it.
+    pub(crate) fn begin_unseen(&mut self, world: &World) {
+        self.expected = None;
+        self.plans.clear(world.time_step(), world.driving_ids(), 2);
+    }
+
     /// Begins the next step with so many past time steps; memory is reused.
     pub(crate) fn begin_anew(&mut self, world: &World, history_steps: usize) {
         world.write_scene(history_steps, Arc::make_mut(&mut self.scene));
-        self.expected = None;
-        self.plans.clear(world.time_step(), world.driving_ids(), 2);
+        self.begin_unseen(world);
     }
 
     /// Predicts, unless that has been done: planners of the core need it, and observers outside.

@@ -7,14 +7,17 @@ use super::stage::{Cast, Stage};
 use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
 use crate::error::{Error, Result};
 use crate::geometry::Point;
-use crate::observation::{self, ObservationMemory, ObservedBody, Observer, PIXELS, PathTable};
+use crate::observation::{
+    self, ObservationMemory, ObservationSettings, ObservedBody, Observer, PIXELS, PathTable, layout::EGO_LENGTH,
+    present_bodies,
+};
 use crate::plan::Planner;
 use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
 use crate::plan::learned::{Action, ActionSpace};
 use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
 use crate::trajectory::{PlanStatus, Plans, State};
-use crate::world::{Driver, Forecast, Step, StepSettings, World, WorldSettings};
+use crate::world::{Driver, Forecast, Step, StepMemory, StepSettings, World, WorldSettings};
 
 /// Past time steps in a scene, so that speeds can be observed.
 const HISTORY: usize = 3;
@@ -68,17 +71,26 @@ pub(super) struct Episode {
     learners: Vec<Learner>,
     /// Agents with planners take part.
     has_traffic: bool,
+    /// A scene is needed: predictions or pictures are made of it, or something may be hidden.
+    has_scene: bool,
     /// Steps taken.
     steps: usize,
     /// The step that has begun.
     step: Step,
+}
+
+/// Memory of a call, shared by all worlds of a thread, so that it stays near the processor.
+#[derive(Debug, Default, Clone)]
+pub(super) struct CallMemory {
+    /// Participants that are there, behind them agents that have ended in this step.
     bodies: Vec<ObservedBody>,
-    /// Positions of the bodies.
+    /// Rows and positions of those that are there.
+    present: Vec<usize>,
     positions: Vec<Point>,
-    /// Agents that have ended in this step, by row.
-    last_bodies: Vec<ObservedBody>,
-    visible: Vec<usize>,
-    memory: ObservationMemory,
+    /// Places among the bodies of those that an observer sees.
+    seen: Vec<usize>,
+    observation: ObservationMemory,
+    step: StepMemory,
 }
 
 impl Episode {
@@ -98,12 +110,8 @@ impl Episode {
             weights: [0.0; N_TERMS],
             learners: Vec::new(),
             has_traffic: false,
+            has_scene: true,
             steps: 0,
-            bodies: Vec::new(),
-            positions: Vec::new(),
-            last_bodies: Vec::new(),
-            visible: Vec::new(),
-            memory: ObservationMemory::default(),
         })
     }
 
@@ -131,7 +139,13 @@ impl Episode {
     /// # Errors
     /// `InvalidInput` if a learner has left by its first step, or all enter after the end of the world; those of
     /// prediction.
-    pub(super) fn begin(&mut self, stage: &Arc<Stage>, spec: EpisodeSpec, settings: &WorldsSettings) -> Result<()> {
+    pub(super) fn begin(
+        &mut self,
+        stage: &Arc<Stage>,
+        spec: EpisodeSpec,
+        settings: &WorldsSettings,
+        memory: &mut CallMemory,
+    ) -> Result<()> {
         stage.cast(&spec, self.world.threads(), &mut self.cast)?;
         // Without others that drive, nothing that is seen later happens before the first learner enters.
         let first = match self.cast.has_traffic() {
@@ -140,6 +154,9 @@ impl Episode {
         };
         self.world.restart(&stage.scenario, &self.cast.agents, first);
         self.has_traffic = self.cast.agents.iter().any(|staged| staged.agent.planner != Planner::External);
+        let ObservationSettings { raster, predictions, .. } = settings.observation;
+        let is_open = self.world.participants().storeys.is_flat() && !self.world.agents().any(|one| one.view.occlusion);
+        self.has_scene = self.has_traffic || raster || predictions || !is_open;
         self.learners.clear();
         for ((agent, table), recorded) in self.cast.learners.drain(..).zip(&self.cast.recorded) {
             let driver = self.world.driver(agent);
@@ -172,12 +189,12 @@ impl Episode {
         }
         (self.steps, self.spec, self.weights) = (0, spec, settings.rewards.as_array());
         self.stage = Some(Arc::clone(stage));
-        self.look(settings);
+        self.look(settings, memory);
         self.admit();
         while !self.is_any_agent_driving() && !self.is_over() {
             self.plan_traffic(settings)?;
-            self.world.step(&self.step.plans)?;
-            self.look(settings);
+            self.move_all(memory)?;
+            self.look(settings, memory);
             self.admit();
         }
         if self.is_over() {
@@ -214,6 +231,7 @@ impl Episode {
         settings: &WorldsSettings,
         rows: &mut Rows<'_>,
         keep_last: bool,
+        memory: &mut CallMemory,
     ) -> Result<()> {
         let dt = self.world.scenario().dt;
         let n = ((settings.decision_seconds / dt).round() as usize).max(1);
@@ -227,17 +245,17 @@ impl Episode {
         let mut n_left = n;
         loop {
             self.plan(actions, settings)?;
-            self.world.step(&self.step.plans)?;
+            self.move_all(memory)?;
             self.steps += 1;
             n_left = n_left.saturating_sub(1);
-            self.look(settings);
+            self.look(settings, memory);
             let is_late = self.steps as f64 * dt >= settings.max_seconds - 1e-9;
             for slot in 0..self.learners.len() {
                 if self.learners[slot].is_driving {
-                    self.judge(slot, &weights, rows, is_late, settings);
+                    self.judge(slot, &weights, rows, is_late, settings, memory);
                     if self.learners[slot].has_ended {
                         self.expect_for_observers(settings)?;
-                        self.write_last(slot, settings, rows, keep_last);
+                        self.write_last(slot, settings, rows, keep_last, memory);
                     }
                 } else if is_late {
                     self.learners[slot].is_awaited = false;
@@ -320,34 +338,54 @@ impl Episode {
         Ok(())
     }
 
+    /// Moves all as planned.
+    fn move_all(&mut self, memory: &mut CallMemory) -> Result<()> {
+        self.world.swap_memory(&mut memory.step);
+        let moved = self.world.step(&self.step.plans);
+        self.world.swap_memory(&mut memory.step);
+        moved
+    }
+
     /// Looks at the world as it is now.
-    fn look(&mut self, settings: &WorldsSettings) {
+    fn look(&mut self, settings: &WorldsSettings, memory: &mut CallMemory) {
+        let CallMemory { bodies, present, positions, .. } = memory;
         let dt = self.world.scenario().dt;
-        let predicts = self.has_traffic || settings.observation.predictions;
-        let history = if predicts { settings.step.history_at(dt) } else { HISTORY };
-        let drawn = if settings.observation.raster { observation::past_steps(dt) } else { 0 };
-        self.step.begin_anew(&self.world, history.max(HISTORY).max(drawn));
-        observation::bodies(&self.step.scene, settings.observation.raster, &mut self.bodies);
-        self.positions.clear();
-        self.positions.extend(self.bodies.iter().map(|body| body.position));
-        self.last_bodies.clear();
+        let participants = self.world.participants();
+        if self.has_scene {
+            let predicts = self.has_traffic || settings.observation.predictions;
+            let history = if predicts { settings.step.history_at(dt) } else { HISTORY };
+            let drawn = if settings.observation.raster { observation::past_steps(dt) } else { 0 };
+            self.step.begin_anew(&self.world, history.max(HISTORY).max(drawn));
+            observation::bodies(&self.step.scene, settings.observation.raster, bodies);
+            present.clone_from(&self.step.scene.present);
+        } else {
+            self.step.begin_unseen(&self.world);
+            present_bodies(participants, self.world.present(), dt, present, bodies);
+        }
+        positions.clear();
+        positions.extend(bodies.iter().map(|body| body.position));
         // Those that have just ended are not present any more, but their bodies are what others may have hit.
-        for learner in &self.learners {
+        for learner in self.learners.iter().filter(|learner| learner.is_driving) {
             let driver = self.world.driver(learner.agent);
-            if learner.is_driving
-                && driver.outcome.kind != OutcomeKind::Running
-                && let Some(state) = driver.state
-            {
-                self.last_bodies.push(ObservedBody::new(&self.step.scene, driver.row, &state, state.velocity));
+            if let (false, Some(state)) = (driver.outcome.kind == OutcomeKind::Running, driver.state) {
+                bodies.push(ObservedBody::new(participants, driver.row, &state, state.velocity));
             }
         }
     }
 
     /// The reward of a learner for the last step, and whether it has ended.
-    fn judge(&mut self, slot: usize, weights: &Amounts, rows: &mut Rows<'_>, is_late: bool, settings: &WorldsSettings) {
+    fn judge(
+        &mut self,
+        slot: usize,
+        weights: &Amounts,
+        rows: &mut Rows<'_>,
+        is_late: bool,
+        settings: &WorldsSettings,
+        memory: &CallMemory,
+    ) {
         let learner = &self.learners[slot];
         let driver = self.world.driver(learner.agent);
-        let (before, dt) = (learner.state, self.step.scene.dt);
+        let (before, dt) = (learner.state, self.world.scenario().dt);
         // One that ends without moving stays where it was.
         let state = driver.state.unwrap_or(before);
         let outcome = driver.outcome;
@@ -373,11 +411,11 @@ impl Episode {
             }
         }
         if weights[term::HEADWAY] != 0.0 {
-            amounts[term::HEADWAY] = self.headway(&driver, &state) * dt;
+            amounts[term::HEADWAY] = self.headway(&driver, &state, memory) * dt;
         }
         if weights[term::RECORDED] != 0.0 {
             let obstacles = &self.world.scenario().obstacles.states;
-            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.step.scene.time_step));
+            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.world.time_step()));
             amounts[term::RECORDED] = recorded
                 .map_or(0.0, |recorded| (-0.5 * recorded.pose().position.distance(state.pose().position)).exp() * dt);
         }
@@ -410,7 +448,7 @@ impl Episode {
 
     /// 1 - gap / (1.5 s times speed) to the nearest participant seen ahead whose footprint overlaps the own width along
     /// the path; 0 where that is negative, or there is none.
-    fn headway(&self, driver: &Driver<'_>, state: &State) -> f64 {
+    fn headway(&self, driver: &Driver<'_>, state: &State, memory: &CallMemory) -> f64 {
         /// A smaller time gap costs [s].
         const TIME: f64 = 1.5;
         let (path, vehicle) = (&driver.agent.route.path, &driver.agent.vehicle);
@@ -418,12 +456,12 @@ impl Episode {
         if reach <= 0.0 {
             return 0.0;
         }
-        let (pose, storeys) = (state.pose(), &self.step.scene.participants.storeys);
+        let (pose, storeys) = (state.pose(), &self.world.participants().storeys);
         let eye = pose.position;
         let front = driver.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
         let radius = driver.agent.view.sensor_radius;
         let mut gap = f64::INFINITY;
-        for (body, row) in self.bodies.iter().zip(&self.step.scene.present) {
+        for (body, row) in memory.bodies.iter().zip(&memory.present) {
             let distance = body.position.distance(eye);
             let half_length = 0.5 * body.size.0;
             if *row == driver.row || distance > radius || distance > reach + vehicle.length + half_length + 5.0 {
@@ -442,7 +480,13 @@ impl Episode {
     }
 
     /// Writes what a learner observes now, with a picture if there is room for one.
-    fn observe(&mut self, slot: usize, settings: &WorldsSettings, out: &mut [f32], picture: &mut [u8]) {
+    fn observe(
+        &self,
+        slot: usize,
+        settings: &WorldsSettings,
+        (out, picture): (&mut [f32], &mut [u8]),
+        memory: &mut CallMemory,
+    ) {
         let learner = &self.learners[slot];
         let (out, planner) =
             out.split_at_mut(out.len() - settings.actions.weights().map_or(0, WeightActions::n_observed));
@@ -460,41 +504,56 @@ impl Episode {
             road: &self.world.scenario().road,
             predictions: self.step.predictions(),
             s: driver.s,
-            time_step: self.step.scene.time_step,
-            dt: self.step.scene.dt,
+            time_step: self.world.time_step(),
+            dt: self.world.scenario().dt,
             last_time_step: driver.last_time_step,
         };
-        let bodies = &self.bodies;
-        if driver.state.is_some() {
-            self.step.scene.see(driver.row, &driver.agent.view, &self.positions, &mut self.visible);
-        } else {
-            self.visible.clear();
+        let CallMemory { bodies, present, positions, seen, observation, .. } = memory;
+        let (participants, view) = (self.world.participants(), &driver.agent.view);
+        let pose = learner.state.pose();
+        seen.clear();
+        match driver.state {
+            Some(_) if self.has_scene => self.step.scene.see(driver.row, view, positions, seen),
+            Some(_) => {
+                let others = present.iter().zip(&*positions).enumerate();
+                let is_seen = |(_, (row, position)): &(usize, (&usize, &Point))| {
+                    **row != driver.row && participants.is_near(**row, **position, pose.position, view)
+                };
+                seen.extend(others.filter(is_seen).map(|(place, _)| place));
+            }
+            None => (),
         }
         // Those that have just ended are seen by learners that have just ended only: the others look after that.
-        let last = if learner.is_driving { &[][..] } else { &self.last_bodies };
-        let (pose, storeys) = (learner.state.pose(), &self.step.scene.participants.storeys);
-        let radius = driver.agent.view.sensor_radius;
-        let is_near = |body: &ObservedBody| body.position.distance(pose.position) <= radius;
-        let is_seen = |body: &&ObservedBody| {
-            body.id != learner.id && is_near(body) && !storeys.are_apart_at(|| (pose, body.pose()))
+        let is_seen = |body: &ObservedBody| {
+            body.id != learner.id
+                && body.position.distance(pose.position) <= view.sensor_radius
+                && !participants.storeys.are_apart_at(|| (pose, body.pose()))
         };
-        let seen = self.visible.iter().map(|place| &bodies[*place]).chain(last.iter().filter(is_seen));
-        observation::observe(&observer, seen.clone(), &settings.observation, &mut self.memory, out);
+        if !learner.is_driving {
+            seen.extend((present.len()..bodies.len()).filter(|place| is_seen(&bodies[*place])));
+        }
+        observation::observe(&observer, bodies, seen, &settings.observation, observation, out);
         if !picture.is_empty() {
-            observation::draw(&observer, seen, picture);
+            observation::draw(&observer, bodies, seen, picture);
         }
     }
 
     /// Writes observations, masks and ids of all rows. Those of learners that have ended in this call hold their last
     /// observation already if `keep_last`; all others that do not drive are zero.
-    pub(super) fn write(&mut self, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
+    pub(super) fn write(
+        &self,
+        settings: &WorldsSettings,
+        rows: &mut Rows<'_>,
+        keep_last: bool,
+        memory: &mut CallMemory,
+    ) {
         let n = settings.n_observations();
         let pixels = if settings.observation.raster { PIXELS } else { 0 };
         for slot in 0..rows.masks.len() {
             let out = &mut rows.observations[slot * n..(slot + 1) * n];
             let picture = &mut rows.rasters[slot * pixels..(slot + 1) * pixels];
             let Some(learner) = self.learners.get(slot).filter(|learner| learner.has_entered) else {
-                out.fill(0.0);
+                clear(out);
                 picture.fill(0);
                 let id = self.learners.get(slot).map_or(-1, |learner| learner.id);
                 (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, id, -1);
@@ -503,9 +562,9 @@ impl Episode {
             let (is_driving, has_ended, id) = (learner.is_driving, learner.has_ended, learner.id);
             (rows.masks[slot], rows.agent_ids[slot]) = (is_driving, id);
             if is_driving {
-                self.observe(slot, settings, out, picture);
+                self.observe(slot, settings, (out, picture), memory);
             } else if !(has_ended && keep_last) {
-                out.fill(0.0);
+                clear(out);
                 picture.fill(0);
             }
         }
@@ -513,17 +572,24 @@ impl Episode {
 
     /// Writes the last observation of a learner that has just ended: to `observations` if it is kept there, and to
     /// `final_observations` if there is room for it.
-    fn write_last(&mut self, slot: usize, settings: &WorldsSettings, rows: &mut Rows<'_>, keep_last: bool) {
+    fn write_last(
+        &self,
+        slot: usize,
+        settings: &WorldsSettings,
+        rows: &mut Rows<'_>,
+        keep_last: bool,
+        memory: &mut CallMemory,
+    ) {
         let n = settings.n_observations();
         let of = |array: &[u8]| if array.is_empty() { 0..0 } else { slot * PIXELS..(slot + 1) * PIXELS };
         let (pictures, final_pictures) = (of(rows.rasters), of(rows.final_rasters));
         if keep_last {
             let out = &mut rows.observations[slot * n..(slot + 1) * n];
-            self.observe(slot, settings, out, &mut rows.rasters[pictures]);
+            self.observe(slot, settings, (out, &mut rows.rasters[pictures]), memory);
         }
         if !rows.final_observations.is_empty() {
             let out = &mut rows.final_observations[slot * n..(slot + 1) * n];
-            self.observe(slot, settings, out, &mut rows.final_rasters[final_pictures]);
+            self.observe(slot, settings, (out, &mut rows.final_rasters[final_pictures]), memory);
         }
     }
 
@@ -546,13 +612,21 @@ impl Episode {
                 off_road: outcome.off_road,
                 impact_speed: outcome.impact_speed,
                 steps: learner.steps,
-                seconds: learner.steps as f64 * self.step.scene.dt,
+                seconds: learner.steps as f64 * self.world.scenario().dt,
                 distance: learner.distance,
                 progress: learner.progress,
                 total: learner.total,
                 components: learner.components,
             });
         }
+    }
+}
+
+/// Fills the row of nobody with zeros, unless it is known to be zero: every observation begins with numbers about the
+/// observer, of which its size is never zero.
+fn clear(row: &mut [f32]) {
+    if row[..EGO_LENGTH].iter().any(|value| value.to_bits() != 0) {
+        row.fill(0.0);
     }
 }
 

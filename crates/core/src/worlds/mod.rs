@@ -17,8 +17,8 @@ use crate::plan::learned::ActionSpace;
 use crate::plan::weights::WeightActions;
 use crate::predict::Predictor;
 use crate::recording::OutcomeKind;
-use crate::world::{Agent, StepSettings, Threads, World};
-use episode::Episode;
+use crate::world::{Agent, Shared, StepSettings, Threads, World};
+use episode::{CallMemory, Episode};
 pub use rewards::{N_TERMS, RewardWeights};
 use rows::Rows;
 pub use rows::{Actions, Buffers};
@@ -138,6 +138,8 @@ pub struct Worlds {
     slots: usize,
     places: Vec<Episodes>,
     threads: Threads,
+    /// One per thread.
+    memories: Vec<Shared<CallMemory>>,
 }
 
 impl Worlds {
@@ -159,7 +161,8 @@ impl Worlds {
         };
         let places = (0..n_worlds).map(place).collect::<Result<_>>()?;
         let threads = Threads::new(settings.threads)?;
-        Ok(Self { stages, settings, slots, places, threads })
+        let memories = (0..settings.threads.max(1)).map(|_| Shared::default()).collect();
+        Ok(Self { stages, settings, slots, places, threads, memories })
     }
 
     /// Number of rows: worlds times rows of each.
@@ -267,13 +270,14 @@ impl Worlds {
             let (n, m) = (self.places.len(), worlds.len());
             return Err(Error::invalid(format!("reset: the mask has {m} values for {n} worlds")));
         }
-        let (settings, stages) = (&self.settings, &self.stages);
+        let (settings, stages, memory) = (&self.settings, &self.stages, &mut *self.memories[0].lock());
         for ((place, mut rows), wanted) in self.places.iter_mut().zip(buffers.by_world(self.slots)).zip(worlds) {
             if *wanted {
                 rows.clear();
+                rows.observations.fill(0.0);
                 place.ended.clear();
-                place.begin(stages, settings)?;
-                place.episode.write(settings, &mut rows, false);
+                place.begin(stages, settings, memory)?;
+                place.episode.write(settings, &mut rows, false, memory);
             }
         }
         Ok(())
@@ -303,16 +307,17 @@ impl Worlds {
         }
         let (settings, stages, slots) = (&self.settings, &self.stages, self.slots);
         if self.settings.threads == 1 {
+            let memory = &mut *self.memories[0].lock();
             for (i, (place, mut rows)) in self.places.iter_mut().zip(buffers.by_world(slots)).enumerate() {
-                place.play(stages, settings, i * slots, &mut rows);
+                place.play(stages, settings, i * slots, &mut rows, memory);
             }
         } else {
             let work: Vec<Mutex<(&mut Episodes, Rows<'_>)>> =
                 self.places.iter_mut().zip(buffers.by_world(slots)).map(Mutex::new).collect();
-            self.threads.each(work.len(), |_, i| {
+            self.threads.each(work.len(), |thread, i| {
                 if let Ok(mut one) = work[i].lock() {
                     let (place, rows) = &mut *one;
-                    place.play(stages, settings, i * slots, rows);
+                    place.play(stages, settings, i * slots, rows, &mut self.memories[thread].lock());
                 }
             });
         }
@@ -324,15 +329,22 @@ impl Worlds {
 }
 
 impl Episodes {
-    fn begin(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings) -> Result<()> {
+    fn begin(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings, memory: &mut CallMemory) -> Result<()> {
         let spec = self.next.take().ok_or_else(|| Error::invalid("reset: no episode is queued"))?;
         let stage = stages.get(spec.stage).ok_or_else(|| Error::invalid("reset: its scenario is gone"))?;
-        self.episode.begin(stage, spec, settings)
+        self.episode.begin(stage, spec, settings, memory)
     }
 
     /// One decision, or the beginning of the next episode.
-    fn play(&mut self, stages: &[Arc<Stage>], settings: &WorldsSettings, first_row: usize, rows: &mut Rows<'_>) {
-        if let Err(error) = self.try_play(stages, settings, first_row, rows) {
+    fn play(
+        &mut self,
+        stages: &[Arc<Stage>],
+        settings: &WorldsSettings,
+        first_row: usize,
+        rows: &mut Rows<'_>,
+        memory: &mut CallMemory,
+    ) {
+        if let Err(error) = self.try_play(stages, settings, first_row, rows, memory) {
             self.failure = Some(error);
         }
     }
@@ -343,28 +355,29 @@ impl Episodes {
         settings: &WorldsSettings,
         first_row: usize,
         rows: &mut Rows<'_>,
+        memory: &mut CallMemory,
     ) -> Result<()> {
         rows.clear();
         self.ended.clear();
         if self.episode.is_over() {
-            self.begin(stages, settings)?;
-            self.episode.write(settings, rows, false);
+            self.begin(stages, settings, memory)?;
+            self.episode.write(settings, rows, false, memory);
             return Ok(());
         }
         let actions = rows.actions;
         let keep_last = settings.autoreset != Autoreset::SameStep;
-        self.episode.step(&actions, settings, rows, keep_last)?;
+        self.episode.step(&actions, settings, rows, keep_last, memory)?;
         self.episode.tell(first_row, settings, &mut self.ended);
         if !keep_last && self.episode.is_over() {
-            self.begin(stages, settings)?;
+            self.begin(stages, settings, memory)?;
             let outcomes = std::mem::take(&mut self.ended);
-            self.episode.write(settings, rows, false);
+            self.episode.write(settings, rows, false, memory);
             for ended in &outcomes {
                 rows.outcomes[ended.row - first_row] = ended.outcome as i8;
             }
             self.ended = outcomes;
         } else {
-            self.episode.write(settings, rows, keep_last);
+            self.episode.write(settings, rows, keep_last, memory);
         }
         Ok(())
     }

@@ -109,6 +109,12 @@ impl ConvexPart {
         self.lever
     }
 
+    /// The mean of its vertices is the body origin.
+    pub(crate) fn is_centered(&self) -> bool {
+        let sum = self.vertices.iter().fold(Point::default(), |sum, vertex| sum + *vertex);
+        sum.norm_squared() <= TOUCHING_DISTANCE * TOUCHING_DISTANCE
+    }
+
     /// The point (body frame) lies inside or on the edge.
     #[inline]
     pub fn contains(&self, point: Point) -> bool {
