@@ -13,6 +13,7 @@ pub(super) use path_interval::Ego;
 use super::car_following::PathMotion;
 use super::{Other, PlanRequest};
 use crate::barrier::Barriers;
+use crate::conduct::{STATIONARY_SPEED, could_stop};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use path_interval::{
@@ -64,17 +65,20 @@ pub(super) struct Deference {
     /// It becomes slower than who joins ahead of it where there is no other way to be behind that one in time: beside a
     /// faster vehicle it would otherwise not brake at all.
     pub(super) falls_behind: bool,
+    /// It brakes as hard as it can for a standing vehicle that is expected to start and cross its path. Who does not, and
+    /// could not stop comfortably, goes first: whoever stands can wait.
+    pub(super) brakes_for_standing: bool,
 }
 
 impl Deference {
     /// Behind everybody who goes first, at a distance [m].
     pub(super) fn full(minimum_gap: f64) -> Self {
-        Self { minimum_gap, counts_crossing: true, falls_behind: true }
+        Self { minimum_gap, counts_crossing: true, falls_behind: true, brakes_for_standing: false }
     }
 
-    /// The same, but never below the speed of who joins.
+    /// The same, but never below the speed of who joins, and braking for who stands.
     pub(super) fn at_their_speed(minimum_gap: f64) -> Self {
-        Self { falls_behind: false, ..Self::full(minimum_gap) }
+        Self { falls_behind: false, brakes_for_standing: true, ..Self::full(minimum_gap) }
     }
 }
 
@@ -232,14 +236,15 @@ impl Conflicts {
     }
 
     /// Decides for which later occupancies the vehicle waits, from the motion that it would have without them.
-    pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, free: &[PathMotion]) {
+    pub(super) fn decide(&mut self, request: &PlanRequest, ego: &Ego, deference: Deference, free: &[PathMotion]) {
         for occupancy in &mut self.occupancies {
             if occupancy.first > 0 {
                 let intervals = &self.intervals[occupancy.row..occupancy.row + self.n_points];
                 occupancy.counts = if occupancy.along {
                     is_joined_ahead(ego, occupancy, intervals, free, self.dt)
                 } else {
-                    must_wait(request, ego, occupancy, intervals, free, self.dt)
+                    (deference.brakes_for_standing || !goes_before_standing(request, ego, occupancy))
+                        && must_wait(request, ego, occupancy, intervals, free, self.dt)
                 };
             }
         }
@@ -305,7 +310,7 @@ impl Conflicts {
         point: usize,
         ego: &Ego,
         (s, velocity): (f64, f64),
-        Deference { minimum_gap, counts_crossing, falls_behind }: Deference,
+        Deference { minimum_gap, counts_crossing, falls_behind, .. }: Deference,
         follow: impl Fn(f64, f64, f64) -> f64,
     ) -> f64 {
         let front = s + ego.to_front;
@@ -400,6 +405,13 @@ fn is_joined_ahead(
     let clear = free[occupancy.first].s + ego.to_rear > interval.high + CLEARANCE;
     let at_present_speed = ego.s + ego.middle() + ego.velocity * occupancy.first as f64 * dt;
     !clear && middle >= at_present_speed
+}
+
+/// The crossing participant is a vehicle that stands, and the vehicle could not stop comfortably before it.
+fn goes_before_standing(request: &PlanRequest, ego: &Ego, occupancy: &PathOccupancy) -> bool {
+    let other = &request.others[occupancy.other];
+    let stands = other.kind.is_on_the_road() && other.velocity.abs() < STATIONARY_SPEED;
+    stands && !could_stop(ego.velocity, occupancy.entry - ego.s - ego.to_front)
 }
 
 /// The vehicle waits for a crossing participant, unless it will have passed by then, can no longer stop, or the other

@@ -158,24 +158,24 @@ pub(super) fn follow_path(
     let &Following { law, lateral_acceleration, ref noise, place } = following;
     let path = &request.route.path;
     let n_points = request.predictions.n_steps + 1;
-    let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
+    let ego = Ego { target: place.0, ..Ego::new(request, path, (start.s, start.velocity, start.d), place.1) };
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(request.rules.way, start.s));
     let cornering = request.vehicle.cornering(lateral_acceleration);
     speed_profile.fill_below(path, limit, (start.s, ego.reach), cornering, law.deceleration);
+    let deference = Deference::full(law.minimum_gap);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = free_road(speed_profile, s, velocity);
         // The model adds both parts; `allowed` holds the acceleration of a free road.
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken =
-            conflicts.allowed(point, &ego, (s, velocity), Deference::full(law.minimum_gap), follow) - law.acceleration;
+        let taken = conflicts.allowed(point, &ego, (s, velocity), deference, follow) - law.acceleration;
         let wanted = free + taken.min(0.0);
         let time = (request.time_step + point as i64) as f64 * request.dt;
         limited(noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity)), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
-    conflicts.decide(request, &ego, free);
+    conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, path, &start, motions, place, road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),

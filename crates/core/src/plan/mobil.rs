@@ -97,21 +97,21 @@ pub(super) fn plan(
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
-    let ego = Ego::new(request, &lane.path, (start.s, start.velocity, start.d), time);
+    let place = (aside, keeping_time(&settings.idm, start.d - aside, time));
+    let ego = Ego { target: place.0, ..Ego::new(request, &lane.path, (start.s, start.velocity, start.d), place.1) };
     let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
     let (need, noise) = (lane.need(start.s), settings.idm.wavering());
     let has_pace = request.goal.pace.is_some();
+    let deference = Deference::full(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let free = law.free(velocity, wish.min(speed_profile.at(s)).min(end_velocity(law, need, s + ego.to_front)));
         let braking = if has_pace { speed_profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         let free = free.min(braking);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken = (conflicts.allowed(point, &ego, (s, velocity), Deference::full(law.minimum_gap), follow)
-            - law.acceleration)
-            .min(0.0);
+        let taken = (conflicts.allowed(point, &ego, (s, velocity), deference, follow) - law.acceleration).min(0.0);
         let wanted = free + taken;
         let time = (request.time_step + point as i64) as f64 * request.dt;
         let wanted = noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity));
@@ -123,9 +123,8 @@ pub(super) fn plan(
     };
     let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
-    conflicts.decide(request, &ego, free);
+    conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
-    let place = (aside, keeping_time(&settings.idm, start.d - aside, time));
     match path_motion::trajectory_on_road(request, &lane.path, &start, motions, place, road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
         None => refused(request, memory, "its lane bends too tightly where it is"),

@@ -233,13 +233,13 @@ pub(super) fn plan(
     let law = CarFollowing { acceleration: 1.5, deceleration: 2.0, ..CarFollowing::default() };
     speed_profile.fill_below(path, lawful, (start.s, ego.reach), cornering, law.deceleration);
     let most = settings.desired_velocity_max.min(request.vehicle.velocity_max);
+    let deference = Deference::at_their_speed(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, v: f64, driven: f64| {
         let desired = |s: f64| speed_profile.at(s).min(most);
         let slowing = (desired(s + v * lawful::SLOWING_TIME) - v) / lawful::SLOWING_TIME;
         let wish = ((desired(s) - v) / dt).min(APPROACH).min(slowing).max(-lawful::SLOWING_MAX);
         let follow = |gap: f64, leader: f64, _: f64| law.following(v, gap, leader);
-        let taken = conflicts.allowed(point, &ego, (s, v), Deference::at_their_speed(law.minimum_gap), follow)
-            - law.acceleration;
+        let taken = conflicts.allowed(point, &ego, (s, v), deference, follow) - law.acceleration;
         // A driver that reacts keeps its speed or brakes, whatever it wishes.
         wish.min(driven) + taken.min(0.0)
     };
@@ -270,7 +270,7 @@ pub(super) fn plan(
         }
     };
     run(conflicts, free);
-    conflicts.decide(request, &ego, free);
+    conflicts.decide(request, &ego, deference, free);
     run(conflicts, motions);
     match path_motion::trajectory_on_road(request, path, &start, motions, (0.0, RETURN_TIME), road) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),

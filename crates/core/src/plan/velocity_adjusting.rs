@@ -106,16 +106,17 @@ pub(super) fn plan(
         law.deceleration,
     );
     let clock = recorded_path.clock(request.time_step);
+    let deference = Deference::at_their_speed(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let now = clock + point as f64;
         let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let allowed = conflicts.allowed(point, &ego, (s, velocity), Deference::at_their_speed(law.minimum_gap), follow);
+        let allowed = conflicts.allowed(point, &ego, (s, velocity), deference, follow);
         limited(wish.min(allowed), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
-    conflicts.decide(request, &ego, free);
+    conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),

@@ -244,10 +244,13 @@ impl Speeds {
         free: &Self,
     ) -> Option<Self> {
         let (comfort, vehicle) = (task.comfort, task.request.vehicle);
+        let gap = comfort.standstill_gap;
+        let counts_crossing = pace != Pace::Bold;
+        let deference = Deference { counts_crossing, ..Deference::at_their_speed(gap) };
         match pace {
             Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
-            Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, &free.motions(task)),
+            Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, deference, &free.motions(task)),
             Pace::Half | Pace::Walking | Pace::Stopping | Pace::Braking => conflicts.yield_to_all(ego),
         }
         let (share, most) = match pace {
@@ -257,9 +260,6 @@ impl Speeds {
         };
         // Who stops brakes no later than the road asks for.
         let stopping = pace.stopping(comfort).map_or(f64::INFINITY, |braking| -braking);
-        let gap = comfort.standstill_gap;
-        let counts_crossing = pace != Pace::Bold;
-        let deference = Deference { counts_crossing, ..Deference::at_their_speed(gap) };
         let found = integrate(task, |point, s, velocity| {
             let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
             let free = towards(cap, velocity, comfort).min(stopping);
