@@ -23,12 +23,12 @@ pub use settings::{N_TERMS, RolloutSettings, RolloutWeights};
 pub(in crate::plan) use start::Start;
 
 use super::conflicts::Conflicts;
-use super::speed_profile::SpeedProfile;
 use super::{PlanRequest, PlanResult};
 use crate::geometry::Pose;
 use crate::trajectory::{Obstruction, PlanStatus, Trajectory};
 use contacts::{Contact, Surroundings};
 use search::{Best, Search};
+use speeds::RoadSpeeds;
 use steering::Rollout;
 
 /// Plans that cost more make the yaw rate of a recorded state doubtful.
@@ -40,7 +40,7 @@ const DANGER_COST: f64 = 60.0;
 #[derive(Debug, Clone, Default)]
 pub struct RolloutMemory {
     conflicts: Conflicts,
-    profile: SpeedProfile,
+    road_speeds: RoadSpeeds,
     surroundings: Surroundings,
     road: Vec<u32>,
     rollout: Rollout,

@@ -113,9 +113,9 @@ impl<'a> Search<'a> {
     ) -> Self {
         let n_points = (settings.horizon / request.dt).round().max(1.0) as usize + 1;
         let task = Task::new(request, &settings.comfort, start, n_points);
-        task.fill(&mut memory.profile);
+        memory.road_speeds.fill(&task);
         memory.surroundings.prepare(request, settings, &start, n_points);
-        let free = Speeds::free(&task, &memory.profile);
+        let free = Speeds::free(&task, &memory.road_speeds);
         let obstructions = Obstructions::ahead(
             request,
             &Place { s: start.s, d: start.d, velocity: start.velocity },
@@ -211,8 +211,8 @@ impl<'a> Search<'a> {
     }
 
     pub(super) fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
-        let RolloutMemory { conflicts, profile, .. } = &mut *self.memory;
-        Speeds::at(&self.task, (pace, ego), (conflicts, profile), &self.free)
+        let RolloutMemory { conflicts, road_speeds, .. } = &mut *self.memory;
+        Speeds::at(&self.task, (pace, ego), (conflicts, road_speeds), &self.free)
     }
 
     fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Speeds) -> Proposal {

@@ -9,7 +9,7 @@ use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutWeights;
 use super::start::Start;
-use crate::conduct::{FOLLOWER_COSINE, STATIONARY_SPEED};
+use crate::conduct::{FIRM_DECELERATION, FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 
 /// A desired speed is reached with this time constant [s].
@@ -31,6 +31,8 @@ const SLOWING: f64 = 2.3;
 const NEEDED_SHARE: f64 = 0.6;
 /// Curves and limits are looked at so far ahead [s].
 const PREVIEW: f64 = 0.65;
+/// Lateral acceleration that an agent accepts in bends before which it brakes firmly [m/s²].
+const TOO_FAST: f64 = 4.0;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
@@ -208,39 +210,63 @@ impl<'a> Task<'a> {
         self.request.state.acceleration.clamp(-self.comfort.deceleration, self.comfort.acceleration)
     }
 
-    /// Fills the profile of a free road.
-    pub(super) fn fill(&self, profile: &mut SpeedProfile) {
-        let Self { request, comfort, start, .. } = self;
+}
+
+/// How fast the road may be driven.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RoadSpeeds {
+    /// Limits, and bends at comfortable speeds.
+    comfortable: SpeedProfile,
+    /// Bends at speeds from which firm braking helps; filled for agents that are too fast alone.
+    firm: SpeedProfile,
+    is_too_fast: bool,
+}
+
+impl RoadSpeeds {
+    /// Those of a free road.
+    pub(super) fn fill(&mut self, task: &Task) {
+        let Task { request, comfort, start, .. } = task;
         let (path, vehicle) = (&request.route.path, request.vehicle);
         let curvature = |s: f64| request.line_curvature_at(s);
-        let reach = REACH.0 + REACH.1 * start.velocity;
-        let cornering = vehicle.cornering(comfort.lateral_acceleration);
+        let way = (start.s, REACH.0 + REACH.1 * start.velocity);
+        let bend = |lateral: f64, s: f64| {
+            let cornering = vehicle.cornering(lateral) / curvature(s).abs().max(1e-9);
+            if s > path.length() { f64::INFINITY } else { cornering.sqrt() }
+        };
         // Limits count at the vehicle's centre.
         let limits = &request.rules.way.limits;
-        let limit = |s: f64| {
-            let curve = (cornering / curvature(s).abs().max(1e-9)).sqrt();
-            let limit = limits.at(s + vehicle.rear_axle_to_center);
-            if s > path.length() { limit } else { curve.min(limit) }
-        };
-        profile.fill_below(path, limit, (start.s, reach), f64::INFINITY, comfort.deceleration);
-        profile.steer(curvature, (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase), comfort.deceleration);
+        let limit = |s: f64| bend(comfort.lateral_acceleration, s).min(limits.at(s + vehicle.rear_axle_to_center));
+        let Self { comfortable, firm, .. } = self;
+        comfortable.fill_below(path, limit, way, f64::INFINITY, comfort.deceleration);
+        let steering = (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase);
+        comfortable.steer(curvature, steering, comfort.deceleration);
+        self.is_too_fast = start.velocity > comfortable.at(start.s) + EXCESS;
+        if self.is_too_fast {
+            firm.fill_below(path, |s| bend(TOO_FAST, s), way, f64::INFINITY, FIRM_DECELERATION);
+        }
+    }
+
+    /// Acceleration at an arc length towards a share of a desired speed, or less where the road asks for it [m/s²].
+    fn towards(&self, (wish, share): (f64, f64), (s, velocity): (f64, f64), comfort: &Comfort) -> f64 {
+        let wish = self.comfortable.at(s + PREVIEW * velocity).min(wish) * share;
+        // Who is much too fast brakes harder.
+        let hardest = comfort.deceleration.max(velocity - wish - EXCESS).min(SLOWING);
+        let wanted = ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * hardest, comfort.acceleration);
+        if self.is_too_fast { wanted.min(self.firm.braking(s, velocity, FIRM_DECELERATION)) } else { wanted }
     }
 }
 
 impl Speeds {
     /// On a free road.
-    pub(super) fn free(task: &Task, profile: &SpeedProfile) -> Self {
-        integrate(task, |_, s, velocity| {
-            let cap = profile.at(s + PREVIEW * velocity).min(task.wish);
-            towards(cap, velocity, task.comfort)
-        })
+    pub(super) fn free(task: &Task, road: &RoadSpeeds) -> Self {
+        integrate(task, |_, s, velocity| road.towards((task.wish, 1.0), (s, velocity), task.comfort))
     }
 
     /// At a pace, among others; `None` if the pace is not possible.
     pub(super) fn at(
         task: &Task,
         (pace, ego): (Pace, &Ego),
-        (conflicts, profile): (&mut Conflicts, &SpeedProfile),
+        (conflicts, road): (&mut Conflicts, &RoadSpeeds),
         free: &Self,
     ) -> Option<Self> {
         let (comfort, vehicle) = (task.comfort, task.request.vehicle);
@@ -261,8 +287,7 @@ impl Speeds {
         // Who stops brakes no later than the road asks for.
         let stopping = pace.stopping(comfort).map_or(f64::INFINITY, |braking| -braking);
         let found = integrate(task, |point, s, velocity| {
-            let cap = (profile.at(s + PREVIEW * velocity).min(task.wish) * share).min(most);
-            let free = towards(cap, velocity, comfort).min(stopping);
+            let free = road.towards((task.wish.min(most), share), (s, velocity), comfort).min(stopping);
             let follow = |room: f64, leader: f64, braking: f64| {
                 following((room, gap), (velocity, leader, braking), comfort, task.opening((point, s), room))
             };
@@ -300,12 +325,6 @@ impl Speeds {
     pub(super) fn cost(terms: [f64; 4], weights: &RolloutWeights) -> f64 {
         weights.as_array().iter().zip(terms).map(|(weight, term)| weight * term).sum()
     }
-}
-
-fn towards(wish: f64, velocity: f64, comfort: &Comfort) -> f64 {
-    // Who is much too fast brakes harder.
-    let hardest = comfort.deceleration.max(velocity - wish - EXCESS).min(SLOWING);
-    ((wish - velocity) / LAG).clamp(-BRAKING_SHARE * hardest, comfort.acceleration)
 }
 
 /// Acceleration towards the safe speed behind a leader [m/s²] for the room up to it and the part of it that is kept [m]. An

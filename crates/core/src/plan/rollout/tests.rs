@@ -87,6 +87,25 @@ fn a_parked_van_is_passed_fast_with_a_margin_for_the_speed_where_there_is_room()
 }
 
 #[test]
+fn a_vehicle_that_comes_much_too_fast_to_a_bend_brakes_firmly_before_it() {
+    // A quarter circle of 10 m: at 20 m/s and 35 m before it, 6.3 m/s (4 m/s² across) need 5.1 m/s².
+    let mut center = straight((0.0, 0.0), (60.0, 0.0));
+    center.extend(arc((60.0, 10.0), 10.0, -0.5 * PI, 0.0).into_iter().skip(1));
+    center.extend(straight((70.0, 10.0), (70.0, 100.0)).into_iter().skip(1));
+    let mut drive = Drive::on(open(vec![lane(1, &center)]), &center, 25.0, 20.0);
+    let (mut across, mut hardest) = (0.0_f64, 0.0_f64);
+    for _ in 0..60 {
+        let before = drive.state.velocity;
+        let result = planned(&drive);
+        drive.step(result);
+        across = across.max((drive.state.velocity * drive.state.yaw_rate).abs());
+        hardest = hardest.max((before - drive.state.velocity) / drive.dt);
+    }
+    assert!(across < 5.0, "{across} m/s² across");
+    assert!((4.5..8.0).contains(&hardest), "{hardest} m/s²");
+}
+
+#[test]
 fn what_stands_is_evaded_at_23_mps_where_the_next_lane_is_free() {
     let lanes = |n: i64| -> Vec<_> {
         (0..n).map(|i| lane(i + 1, &straight((0.0, 3.5 * i as f64), (600.0, 3.5 * i as f64)))).collect()
