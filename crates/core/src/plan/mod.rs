@@ -5,6 +5,7 @@ mod arrival;
 mod comfort;
 mod car_following;
 mod driver_noise;
+mod driven_point;
 mod driving_line;
 mod emergency_braking;
 mod frame;

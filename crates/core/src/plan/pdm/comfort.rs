@@ -1,6 +1,6 @@
 //! Whether a proposal is comfortable: bounds of the closed-loop benchmark of nuPlan, as the published planner applies them.
 
-use super::tracking::TrackedPoint;
+use super::super::driven_point::DrivenPoint;
 
 /// Acceleration along the heading [m/s²].
 const ACCELERATION: (f64, f64) = (-4.05, 2.40);
@@ -62,13 +62,13 @@ impl Parabola {
 }
 
 /// All bounds are kept, for points this far apart [s].
-pub(super) fn is_comfortable(points: &[TrackedPoint], step: f64) -> bool {
-    let across = |point: &TrackedPoint| point.velocity * point.velocity * point.curvature;
+pub(super) fn is_comfortable(points: &[DrivenPoint], step: f64) -> bool {
+    let across = |point: &DrivenPoint| point.velocity * point.velocity * point.curvature;
     let along = Parabola::through(points.iter().map(|point| point.acceleration));
     let lateral = Parabola::through(points.iter().map(across)).range();
     let size = Parabola::through(points.iter().map(|point| point.acceleration.hypot(across(point))));
     let (least, most) = along.range();
-    let yaw_rate = |point: &TrackedPoint| point.velocity * point.curvature;
+    let yaw_rate = |point: &DrivenPoint| point.velocity * point.curvature;
     let changes = points.windows(YAW_WINDOW.min(points.len())).map(|window| {
         let slope = Parabola::through(window.iter().map(yaw_rate)).slope;
         slope.abs() / step
@@ -85,15 +85,15 @@ pub(super) fn is_comfortable(points: &[TrackedPoint], step: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tracking::TrackedPoint;
+    use super::super::super::driven_point::DrivenPoint;
     use super::{Parabola, is_comfortable};
     use crate::geometry::Point;
 
-    fn points(n: usize, of: impl Fn(f64) -> (f64, f64, f64)) -> Vec<TrackedPoint> {
+    fn points(n: usize, of: impl Fn(f64) -> (f64, f64, f64)) -> Vec<DrivenPoint> {
         let point = |i: usize| {
             let (velocity, acceleration, curvature) = of(i as f64 * 0.1);
             let (center, axis) = (Point::default(), Point::new(1.0, 0.0));
-            TrackedPoint { center, axis, theta: 0.0, curvature, velocity, acceleration, s: 0.0, d: 0.0 }
+            DrivenPoint { center, axis, theta: 0.0, curvature, velocity, acceleration, s: 0.0, d: 0.0 }
         };
         (0..n).map(point).collect()
     }

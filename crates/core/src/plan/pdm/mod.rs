@@ -17,12 +17,13 @@ pub(super) use candidates::candidates;
 pub use candidates::{PDM_TERMS, PdmCandidates};
 pub use settings::{PdmSettings, PdmWeights};
 
+use super::driven_point::DrivenPoint;
 use super::frame::Start;
 use super::{PlanRequest, PlanResult};
 use crate::trajectory::{Obstruction, PlanStatus, Trajectory};
 use proposals::Premises;
 use scoring::{Judge, Judgement};
-use tracking::{Origin, Pace, TrackedPoint};
+use tracking::{Origin, Pace};
 
 /// Memory that plans reuse. Holds no state: a plan does not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
@@ -31,8 +32,8 @@ pub(super) struct PdmMemory {
     judge: Judge,
     speeds: Vec<f64>,
     /// The points of all proposals, one after the other.
-    points: Vec<TrackedPoint>,
-    one: Vec<TrackedPoint>,
+    points: Vec<DrivenPoint>,
+    one: Vec<DrivenPoint>,
     judged: Vec<Judgement>,
 }
 

@@ -1,10 +1,10 @@
 //! What a tracked proposal is worth: gates times a weighted mean, after the closed-loop benchmark of nuPlan.
 
 use super::super::PlanRequest;
+use super::super::driven_point::DrivenPoint;
 use super::comfort::is_comfortable;
 use super::forecast::{Body, Forecast};
 use super::settings::PdmWeights;
-use super::tracking::TrackedPoint;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 
@@ -87,7 +87,7 @@ impl Judge {
         &mut self,
         request: &PlanRequest,
         forecast: &Forecast,
-        points: &[TrackedPoint],
+        points: &[DrivenPoint],
         step: f64,
     ) -> Judgement {
         let road = if self.stays_on_road(request, points) { 1.0 } else { 0.0 };
@@ -104,7 +104,7 @@ impl Judge {
         }
     }
 
-    fn stays_on_road(&mut self, request: &PlanRequest, points: &[TrackedPoint]) -> bool {
+    fn stays_on_road(&mut self, request: &PlanRequest, points: &[DrivenPoint]) -> bool {
         let mut was_on_road = request.was_on_road;
         points.iter().all(|point| {
             let footprint = point.footprint(request);
@@ -119,7 +119,7 @@ impl Judge {
         &mut self,
         request: &PlanRequest,
         forecast: &Forecast,
-        points: &[TrackedPoint],
+        points: &[DrivenPoint],
         step: f64,
     ) -> (f64, f64, Option<(f64, usize)>) {
         let touching = forecast.bodies.iter().map(|body| body.touches);
@@ -173,14 +173,14 @@ impl Judge {
 }
 
 /// Cosine of the angle between the heading and the way from the rear axle to a place.
-fn bearing(request: &PlanRequest, point: &TrackedPoint, place: Point) -> f64 {
+fn bearing(request: &PlanRequest, point: &DrivenPoint, place: Point) -> f64 {
     let way = place - (point.center - point.axis * request.vehicle.rear_axle_to_center);
     point.axis.dot(way) / way.norm().max(1e-9)
 }
 
 /// A contact is the vehicle's fault if it moves and hits what stands, or hits with its front what is not behind it, or with
 /// its side while it is between lanes.
-fn is_at_fault(request: &PlanRequest, point: &TrackedPoint, body: &Body, place: &OrientedBox) -> bool {
+fn is_at_fault(request: &PlanRequest, point: &DrivenPoint, body: &Body, place: &OrientedBox) -> bool {
     if point.velocity < STANDING {
         return false;
     }
@@ -197,7 +197,7 @@ fn is_at_fault(request: &PlanRequest, point: &TrackedPoint, body: &Body, place: 
 
 /// The footprint is in several lanes and in none as a whole, or beside the road; or, where junctions count, its rear axle
 /// is where lanes overlap.
-fn is_between_lanes(request: &PlanRequest, point: &TrackedPoint, junctions_count: bool) -> bool {
+fn is_between_lanes(request: &PlanRequest, point: &DrivenPoint, junctions_count: bool) -> bool {
     let road = request.road;
     let corners = point.footprint(request).corners().map(|corner| road.lanelets_at(corner));
     let holds_all = |lanelet: &usize| corners.iter().all(|lanes| lanes.contains(lanelet));
@@ -210,7 +210,7 @@ fn is_between_lanes(request: &PlanRequest, point: &TrackedPoint, junctions_count
 }
 
 /// 1, 1/2 or 0, by the longest way against the lanes.
-fn direction(request: &PlanRequest, points: &[TrackedPoint]) -> f64 {
+fn direction(request: &PlanRequest, points: &[DrivenPoint]) -> f64 {
     let (mut longest, mut way) = (0.0_f64, 0.0);
     for pair in points.windows(2) {
         let point = &pair[1];

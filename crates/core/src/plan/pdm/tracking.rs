@@ -2,8 +2,8 @@
 //! planner, within the limits of the vehicle.
 
 use super::super::PlanRequest;
+use super::super::driven_point::DrivenPoint;
 use super::super::path_motion::point_at;
-use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;
 
@@ -24,29 +24,6 @@ const STEERING_LAG: f64 = 0.05;
 const LIMIT_SHARE: f64 = 0.98;
 /// The arc length of the foot follows where the path bends around the vehicle by at least this stretch.
 const STRETCH_MIN: f64 = 0.2;
-
-/// A point of a tracked proposal.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct TrackedPoint {
-    /// Centre of the footprint, and the unit vector along the heading.
-    pub(super) center: Point,
-    pub(super) axis: Point,
-    pub(super) theta: f64,
-    /// Of the rear axle's path [1/m].
-    pub(super) curvature: f64,
-    pub(super) velocity: f64,
-    pub(super) acceleration: f64,
-    /// Arc length and offset of the rear axle [m].
-    pub(super) s: f64,
-    pub(super) d: f64,
-}
-
-impl TrackedPoint {
-    pub(super) fn footprint(&self, request: &PlanRequest) -> OrientedBox {
-        let (half_length, half_width) = (0.5 * request.vehicle.length, 0.5 * request.vehicle.width);
-        OrientedBox { center: self.center, axis: self.axis, half_length, half_width }
-    }
-}
 
 /// Where a proposal starts.
 #[derive(Debug, Clone, Copy)]
@@ -111,7 +88,7 @@ pub(super) fn track(
     origin: &Origin,
     (target, pace): (f64, Pace<'_>),
     (n_points, step): (usize, f64),
-    out: &mut Vec<TrackedPoint>,
+    out: &mut Vec<DrivenPoint>,
 ) {
     let (vehicle, path) = (request.vehicle, &request.route.path);
     let (tightest, turn) = (vehicle.curvature_max(), LIMIT_SHARE * vehicle.steering_step(step));
@@ -124,7 +101,7 @@ pub(super) fn track(
     for point in 0..n_points {
         let axis = Point::from_angle(theta);
         let center = axle + axis * vehicle.rear_axle_to_center;
-        out.push(TrackedPoint { center, axis, theta, curvature, velocity, acceleration, s, d });
+        out.push(DrivenPoint { center, axis, theta, curvature, velocity, acceleration, s, d });
         let wanted = pace.acceleration(point, ahead, velocity);
         let lag = if matches!(pace, Pace::Braking(_)) { 0.0 } else { ACCELERATION_LAG };
         acceleration += step / (step + lag) * (wanted - acceleration);
@@ -165,7 +142,7 @@ pub(super) fn track(
 }
 
 /// States of the footprint centre at every so many points; the first is that of the request.
-pub(super) fn states(request: &PlanRequest, points: &[TrackedPoint], every: usize) -> Vec<State> {
+pub(super) fn states(request: &PlanRequest, points: &[DrivenPoint], every: usize) -> Vec<State> {
     let mut states: Vec<State> = Vec::with_capacity(points.len() / every + 1);
     for point in points.iter().step_by(every) {
         let before = states.last().map_or(request.state.velocity, |state: &State| state.velocity);

@@ -1,10 +1,10 @@
 //! The others over the time of a plan: whom a roll-out hits first, and how near it comes to the rest.
 
+use super::super::driven_point::DrivenPoint;
 use super::super::frenet::part_boxes;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutSettings;
 use super::start::Start;
-use super::steering::RolloutPoint;
 use crate::conduct::{FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
@@ -193,7 +193,7 @@ impl Surroundings {
     }
 
     /// The first contact that is the vehicle's to avoid, with a share of its margins.
-    pub(super) fn first_contact(&self, request: &PlanRequest, points: &[RolloutPoint], share: f64) -> Option<Contact> {
+    pub(super) fn first_contact(&self, request: &PlanRequest, points: &[DrivenPoint], share: f64) -> Option<Contact> {
         let mut first: Option<Contact> = None;
         for body in self.bodies.iter().filter(|body| body.is_hard) {
             let last = first.map_or(points.len(), |contact| contact.point);
@@ -207,7 +207,7 @@ impl Surroundings {
     pub(super) fn missing_margin(
         &self,
         request: &PlanRequest,
-        points: &[RolloutPoint],
+        points: &[DrivenPoint],
         settings: &RolloutSettings,
     ) -> f64 {
         let mut missing: f64 = 1.0;
@@ -221,7 +221,7 @@ impl Surroundings {
         missing
     }
 
-    fn contact(&self, body: &Body, request: &PlanRequest, points: &[RolloutPoint], share: f64) -> Option<Contact> {
+    fn contact(&self, body: &Body, request: &PlanRequest, points: &[DrivenPoint], share: f64) -> Option<Contact> {
         let [along, across, across_time] = body.margin.map(|margin| share * margin);
         let vehicle = request.vehicle;
         let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along;
@@ -266,7 +266,7 @@ impl Surroundings {
     }
 
     /// Integral of the nearness to others [s].
-    pub(super) fn nearness(&self, request: &PlanRequest, points: &[RolloutPoint]) -> f64 {
+    pub(super) fn nearness(&self, request: &PlanRequest, points: &[DrivenPoint]) -> f64 {
         let mut sum = 0.0;
         let radius = 0.5 * request.vehicle.length.hypot(request.vehicle.width);
         for body in &self.bodies {

@@ -1,11 +1,12 @@
 //! Recovery: a vehicle that stands wedged drives back a little with its wheels turned, and on from there.
 
 use super::super::Other;
+use super::super::driven_point::DrivenPoint;
 use super::super::frame::project;
 use super::search::Search;
 use super::speeds::{Pace, Speeds};
 use super::start::Start;
-use super::steering::{Along, Rollout, RolloutPoint, Steering};
+use super::steering::{Along, Rollout, Steering};
 use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::geometry::Point;
 use crate::trajectory::{State, Trajectory};
@@ -85,7 +86,7 @@ impl Search<'_> {
     }
 
     /// How far the agent comes from the end of a way back [m, arc length]; `None` if that is not beside its path.
-    fn onwards(&mut self, from: &RolloutPoint, near: f64) -> Option<f64> {
+    fn onwards(&mut self, from: &DrivenPoint, near: f64) -> Option<f64> {
         let request = self.task.request;
         let axle = from.center - from.axis * request.vehicle.rear_axle_to_center;
         let (s, d) = project(&request.route.path, axle, near)?;
@@ -121,20 +122,21 @@ impl Search<'_> {
     /// The rest of a plan; at its end the vehicle stands.
     fn shifted(&self, states: &[State]) -> Rollout {
         let request = self.task.request;
-        let mut points: Vec<RolloutPoint> = Vec::with_capacity(self.task.n_points);
+        let mut points: Vec<DrivenPoint> = Vec::with_capacity(self.task.n_points);
         for i in 0..self.task.n_points {
             let state = states[i.min(states.len() - 1)];
             let is_beyond = i >= states.len();
             let velocity = if is_beyond { 0.0 } else { state.velocity };
             let held = points.last().map_or(self.task.start.curvature, |before| before.curvature);
             let is_moving = velocity.abs() > STANDSTILL_SPEED;
-            points.push(RolloutPoint {
+            points.push(DrivenPoint {
                 center: state.pose().position,
                 axis: Point::from_angle(state.orientation),
                 theta: state.orientation,
                 curvature: if is_moving { state.yaw_rate / velocity } else { held },
                 velocity,
                 acceleration: states.get(i + 1).map_or(0.0, |next| (next.velocity - velocity) / request.dt),
+                s: self.task.start.s,
                 d: self.task.start.d,
             });
         }

@@ -209,7 +209,6 @@ impl<'a> Task<'a> {
     pub(super) fn acceleration(&self) -> f64 {
         self.request.state.acceleration.clamp(-self.comfort.deceleration, self.comfort.acceleration)
     }
-
 }
 
 /// How fast the road may be driven.

@@ -2,12 +2,12 @@
 //! be driven from any state.
 
 use super::super::PlanRequest;
+use super::super::driven_point::DrivenPoint;
 use super::super::driving_line::LinePoint;
 use super::super::path_motion::point_at;
 use super::speeds::Speeds;
 use super::start::Start;
 use crate::geometry::polyline::ReferencePath;
-use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use crate::trajectory::State;
 
@@ -68,31 +68,10 @@ impl Steering {
     }
 }
 
-/// A point of a roll-out.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct RolloutPoint {
-    /// Centre of the footprint, and the unit vector along the heading.
-    pub(super) center: Point,
-    pub(super) axis: Point,
-    pub(super) theta: f64,
-    pub(super) curvature: f64,
-    pub(super) velocity: f64,
-    pub(super) acceleration: f64,
-    /// Offset of the rear axle from the path [m].
-    pub(super) d: f64,
-}
-
-impl RolloutPoint {
-    pub(super) fn footprint(&self, request: &PlanRequest) -> OrientedBox {
-        let (half_length, half_width) = (0.5 * request.vehicle.length, 0.5 * request.vehicle.width);
-        OrientedBox { center: self.center, axis: self.axis, half_length, half_width }
-    }
-}
-
 /// A motion of the vehicle.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rollout {
-    pub(super) points: Vec<RolloutPoint>,
+    pub(super) points: Vec<DrivenPoint>,
     /// Integral of the distance from where it is neither in the middle of the lane, nor on the line, nor between [m s].
     pub(super) offset: f64,
     /// Distance from the line at the end [m].
@@ -177,7 +156,7 @@ impl Rollout {
             }
             let axis = Point::from_angle(theta);
             let center = axle + axis * vehicle.rear_axle_to_center;
-            self.points.push(RolloutPoint { center, axis, theta, curvature, velocity, acceleration, d });
+            self.points.push(DrivenPoint { center, axis, theta, curvature, velocity, acceleration, s, d });
             before = velocity;
         }
         self.beside = beside;
@@ -185,7 +164,7 @@ impl Rollout {
 
     /// States of the footprint centre; the first is that of the request.
     pub(super) fn states(&self, request: &PlanRequest) -> Vec<State> {
-        let state = |point: &RolloutPoint| State {
+        let state = |point: &DrivenPoint| State {
             x: point.center.x,
             y: point.center.y,
             orientation: point.theta,
