@@ -35,7 +35,7 @@ def measure(scenario: str, agents: str, threads: int, predictor: str, steps: int
     simulation.step()
     first_step = time.perf_counter() - start
     begin, native = time.perf_counter(), simulation.world.native_seconds
-    while not simulation.is_done and len(simulation._timings) < steps:
+    while not simulation.is_done and simulation.time_step < steps:
         simulation.step()
     native = simulation.world.native_seconds - native
     python = 1.0 - native / (time.perf_counter() - begin)

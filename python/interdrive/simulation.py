@@ -190,6 +190,7 @@ class Simulation:
         self._n_predicted = max(1, round(self.settings.predictor.horizon / self.scenario.dt))
         self._predictor = bound_predictor(self._predictor_config, self.settings.predictor, self._core_scenario)
         self._called.close()
+        self._called = CalledPlanners({}, {}, math.inf)
         called: dict[int, Planner] = {}
         handles = []
         for agent in self.agents:
@@ -214,7 +215,8 @@ class Simulation:
             profile=record.profile,
         )
         self._start_sumo()
-        self._called = self._started(called)
+        self._called = CalledPlanners(called, self._planner_names, self.settings.step.planner_timeout_s)
+        self._start_processes()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
         self._logs = Logs(record, self.scenario.dt, self.threads, any_v2x=bool(self.world.equipped))
@@ -296,21 +298,19 @@ class Simulation:
             self._sumo = sumo_traffic.Traffic(self.scenario, self.agents, self.settings.sumo.radius, self.seed)
             self.world.place_outside(self._sumo.first(self.world.time_step))
 
-    def _started(self, planners: dict[int, Planner]) -> CalledPlanners:
-        """The planners in Python, those that allow it in separate processes."""
-        called = CalledPlanners(planners, self._planner_names, self.settings.step.planner_timeout_s)
-        willing = called.willing
+    def _start_processes(self) -> None:
+        """Moves planners in Python that allow it to separate processes."""
+        willing = self._called.willing
         if self._raises or not willing or not self._planner_processes:
-            return called
+            return
         if self._sumo is not None:
-            called.notes.append("planners in Python run in this process: SUMO drives traffic")
-            return called
+            self._called.notes.append("planners in Python run in this process: SUMO drives traffic")
+            return
         own = {i: config for i, config in self._configs.items() if i not in self.traffic.drivers}
         views = {i: config.view for i, config in own.items()}
         rules = {i: config.rules for i, config in own.items()}
         stage = partial(_staged, self.scenario, views, rules, self.settings, self.seed)
-        called.move({i: self._configs[i].planner.make for i in willing}, stage, self.threads)
-        return called
+        self._called.move({i: self._configs[i].planner.make for i in willing}, stage, self.threads)
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
         """Steps until every agent has its outcome.

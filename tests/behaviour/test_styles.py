@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from interdrive import STYLES, simulate
+from interdrive.native_settings import Comfort
 from interdrive.testing import Car, bend, problem, straight_road, world
 
 AGENT = 100
@@ -34,7 +35,7 @@ def test_a_bend_is_taken_at_the_comfortable_lateral_acceleration(drives):
     style, turn, _ = drives
     velocity = turn.velocity[0]
     across = np.abs(velocity * np.gradient(np.unwrap(turn.orientation[0]), 0.1))
-    most = limit(style, "lateral_acceleration", 2.2)
+    most = limit(style, "lateral_acceleration", Comfort().lateral_acceleration)
     assert 0.7 * most < np.nanmax(across) < 1.5 * most, "m/s²"
 
 
@@ -43,5 +44,5 @@ def test_an_agent_brakes_for_what_stands_as_its_style_says(drives):
     velocity = stop.velocity[stop.participant_id == AGENT][0]
     assert np.nanmin(velocity) < 0.1, "m/s"
     hardest = -np.nanmin(np.diff(velocity) / 0.1)
-    comfortable = limit(style, "deceleration", 2.0)
+    comfortable = limit(style, "deceleration", Comfort().deceleration)
     assert 0.6 * comfortable < hardest < 1.6 * comfortable, "m/s²"

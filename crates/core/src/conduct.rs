@@ -33,8 +33,9 @@ pub fn could_stop(velocity: f64, distance: f64) -> bool {
     velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * distance
 }
 
-/// Firm braking [m/s²]: a vehicle that would have to brake harder to wait for another one is not expected to. It is the safe
-/// deceleration of MOBIL (Kesting, Treiber, Helbing, Transportation Research Record 1999, 2007, doi 10.3141/1999-10).
+/// Firm braking [m/s²]: a vehicle that would have to brake harder to wait for another one is not expected to, and agents
+/// brake so before bends that they come to too fast. It is the safe deceleration of MOBIL (Kesting, Treiber, Helbing,
+/// Transportation Research Record 1999, 2007, doi 10.3141/1999-10).
 pub(crate) const FIRM_DECELERATION: f64 = 4.0;
 
 /// Acceleration of the earliest entry into a conflict zone that a vehicle is capable of in traffic [m/s²].

@@ -75,7 +75,7 @@ class CalledPlanners:
         self._workers = None
 
     def plan(self, world: _core.World, step: _core.Step, logs: Logs) -> None:
-        """Calls the planners that a step misses; one that fails ends its agent."""
+        """Calls the planners of agents that have no plan yet; one that fails ends its agent."""
         views = self._views(world, step, logs)
         answers = self._answers_of_workers(step, views, logs)
         with same_folder() if self._here else nullcontext():

@@ -75,17 +75,17 @@ class Logs:
         if self._profile is not None:
             self._profile.add(self._time_step, agent_id, part, seconds)
 
-    def add_plans(self, world: _core.World, step: _core.Step, timed: Container[int]) -> None:
+    def add_plans(self, world: _core.World, step: _core.Step, outside: Container[int]) -> None:
         """Notes what a step has when all plans are made.
 
         Args:
             world: Before it moves.
             step: The step.
-            timed: Agents whose plans were not made by the core and have their times already.
+            outside: Agents whose plans were not made by the core and have their times already.
         """
         if self._profile is not None:
             for agent_id, seconds in zip(step.ids.tolist(), step.plan_seconds.tolist(), strict=True):
-                if agent_id not in timed:
+                if agent_id not in outside:
                     self.add_time(agent_id, "plan", seconds)
         if self._ages is not None:
             self._ages.add(*step.predictions.plan_ages())

@@ -19,8 +19,8 @@ settings! {
         /// Largest jerk up to 3 m/s: people, and assistance systems (ISO 15622), set off and stop with more jerk than they
         /// accept on a motorway.
         jerk_low: f64 ["m/s³"] = 5.7, positive(1000.0);
-        /// Lateral acceleration in curves, at most three quarters of the vehicle's limit: of people who take a sharp bend
-        /// of recordings (MONA, inD), half stay below 2.6 m/s² and 70 % below 2.8 m/s².
+        /// Lateral acceleration in curves, at most three quarters of the vehicle's limit. In the bend of a motorway ramp
+        /// (MONA) half of the recorded people stay below 2.6 m/s², 70 % below 2.8 m/s².
         lateral_acceleration: f64 ["m/s²"] = 2.8, positive(100.0);
         /// Largest difference between the present speed and the speed at which a gap for a lane change is looked for.
         velocity_step: f64 ["m/s"] = 5.0, positive(100.0);

@@ -1,10 +1,10 @@
-//! Points of motions that a model of the vehicle has driven.
+//! Points of simulated motions.
 
 use super::PlanRequest;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 
-/// A vehicle at one time of such a motion.
+/// A vehicle at one time of a simulated motion.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DrivenPoint {
     /// Centre of the footprint, and the unit vector along the heading.

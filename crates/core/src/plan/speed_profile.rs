@@ -6,7 +6,7 @@ use crate::rules::SpeedLimits;
 /// Spacing of the grid [m].
 const SPACING: f64 = 2.0;
 
-/// Speeds from which every limit ahead can be met with comfortable braking; the memory is reused.
+/// Speeds from which every limit ahead can be met with a given deceleration; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SpeedProfile {
     from: f64,
@@ -77,7 +77,7 @@ impl SpeedProfile {
     pub(super) fn braking(&self, s: f64, velocity: f64, deceleration: f64) -> f64 {
         /// It follows falling speeds with this lag [s], ...
         const LAG: f64 = 1.0;
-        /// ... and brakes with at most so many times the comfortable deceleration.
+        /// ... and brakes with at most so many times the deceleration of the profile.
         const HARDEST: f64 = 2.0;
         let ahead = self.at(s + velocity * LAG);
         if ahead < velocity { ((ahead - velocity) / LAG).max(-HARDEST * deceleration) } else { f64::INFINITY }

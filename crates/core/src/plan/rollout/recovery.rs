@@ -136,6 +136,7 @@ impl Search<'_> {
                 curvature: if is_moving { state.yaw_rate / velocity } else { held },
                 velocity,
                 acceleration: states.get(i + 1).map_or(0.0, |next| (next.velocity - velocity) / request.dt),
+                // Nothing looks at the place along the path of a way back.
                 s: self.task.start.s,
                 d: self.task.start.d,
             });

@@ -31,8 +31,8 @@ const SLOWING: f64 = 2.3;
 const NEEDED_SHARE: f64 = 0.6;
 /// Curves and limits are looked at so far ahead [s].
 const PREVIEW: f64 = 0.65;
-/// Lateral acceleration that an agent accepts in bends before which it brakes firmly [m/s²].
-const TOO_FAST: f64 = 4.0;
+/// Lateral acceleration that firm braking keeps to in bends, unless more is comfortable [m/s²].
+const FIRM_LATERAL: f64 = 4.0;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
@@ -216,7 +216,7 @@ impl<'a> Task<'a> {
 pub(super) struct RoadSpeeds {
     /// Limits, and bends at comfortable speeds.
     comfortable: SpeedProfile,
-    /// Bends at speeds from which firm braking helps; filled for agents that are too fast alone.
+    /// Bends at the highest accepted speed, with firm braking before them; filled only for agents that are too fast.
     firm: SpeedProfile,
     is_too_fast: bool,
 }
@@ -239,9 +239,11 @@ impl RoadSpeeds {
         comfortable.fill_below(path, limit, way, f64::INFINITY, comfort.deceleration);
         let steering = (STEERING_SHARE * vehicle.steering_rate_max, vehicle.wheelbase);
         comfortable.steer(curvature, steering, comfort.deceleration);
-        self.is_too_fast = start.velocity > comfortable.at(start.s) + EXCESS;
+        // Whoever is not above the comfortable profile is far below the firm one.
+        self.is_too_fast = start.velocity > comfortable.at(start.s);
         if self.is_too_fast {
-            firm.fill_below(path, |s| bend(TOO_FAST, s), way, f64::INFINITY, FIRM_DECELERATION);
+            let lateral = FIRM_LATERAL.max(comfort.lateral_acceleration);
+            firm.fill_below(path, |s| bend(lateral, s), way, f64::INFINITY, FIRM_DECELERATION);
         }
     }
 

@@ -6,6 +6,7 @@ use super::{RolloutMemory, RolloutSettings, candidates, plan};
 use crate::geometry::Point;
 use crate::geometry::shape::{Lcg, Shape};
 use crate::plan::PlanResult;
+use crate::plan::comfort::Comfort;
 use crate::plan::frenet::tests::{Car, Drive};
 use crate::road::testing::{arc, lane, open, straight};
 use crate::trajectory::PlanStatus;
@@ -86,23 +87,48 @@ fn a_parked_van_is_passed_fast_with_a_margin_for_the_speed_where_there_is_room()
     assert!(without < 0.3 && with > 0.1 + 0.02 * 12.0, "{without} m without, {with} m with it");
 }
 
+/// A straight lane along x that turns left at 60 m, in a quarter circle of a radius [m]; the agent, with 20 m/s, is 35 m
+/// before it. Its lateral accelerations and its changes of speed [m/s²] over 4 s.
+fn towards_a_bend(radius: f64, settings: &RolloutSettings) -> (Vec<f64>, Vec<f64>) {
+    let mut center = straight((0.0, 0.0), (60.0, 0.0));
+    center.extend(arc((60.0, radius), radius, -0.5 * PI, 0.0).into_iter().skip(1));
+    center.extend(straight((60.0 + radius, radius), (60.0 + radius, 100.0)).into_iter().skip(1));
+    let mut drive = Drive::on(open(vec![lane(1, &center)]), &center, 25.0, 20.0);
+    let step = |_| {
+        let before = drive.state.velocity;
+        let plan = drive.with_request(|request| plan(request, settings, &mut RolloutMemory::default()));
+        drive.step(plan.expect("beside its path"));
+        ((drive.state.velocity * drive.state.yaw_rate).abs(), (drive.state.velocity - before) / drive.dt)
+    };
+    (0..40).map(step).unzip()
+}
+
 #[test]
 fn a_vehicle_that_comes_much_too_fast_to_a_bend_brakes_firmly_before_it() {
-    // A quarter circle of 10 m: at 20 m/s and 35 m before it, 6.3 m/s (4 m/s² across) need 5.1 m/s².
-    let mut center = straight((0.0, 0.0), (60.0, 0.0));
-    center.extend(arc((60.0, 10.0), 10.0, -0.5 * PI, 0.0).into_iter().skip(1));
-    center.extend(straight((70.0, 10.0), (70.0, 100.0)).into_iter().skip(1));
-    let mut drive = Drive::on(open(vec![lane(1, &center)]), &center, 25.0, 20.0);
-    let (mut across, mut hardest) = (0.0_f64, 0.0_f64);
-    for _ in 0..60 {
-        let before = drive.state.velocity;
-        let result = planned(&drive);
-        drive.step(result);
-        across = across.max((drive.state.velocity * drive.state.yaw_rate).abs());
-        hardest = hardest.max((before - drive.state.velocity) / drive.dt);
-    }
-    assert!(across < 5.0, "{across} m/s² across");
+    // At 35 m before a bend of 10 m, 6.3 m/s (4 m/s² across) need 5.1 m/s².
+    let (across, changes) = towards_a_bend(10.0, &RolloutSettings::default());
+    let most = across.into_iter().fold(0.0, f64::max);
+    let hardest = -changes.into_iter().fold(0.0, f64::min);
+    assert!(most < 5.0, "{most} m/s² across");
     assert!((4.5..8.0).contains(&hardest), "{hardest} m/s²");
+}
+
+#[test]
+fn a_driver_of_any_style_brakes_once_before_a_bend() {
+    // Brisk drivers brake nearly as hard for comfort as they do firmly, and accept up to 3.5 m/s² across; one accepts 6.
+    let brisk = Comfort { deceleration: 3.0, lateral_acceleration: 3.5, ..Comfort::default() };
+    let bold = Comfort { lateral_acceleration: 6.0, ..Comfort::default() };
+    for comfort in [Comfort::default(), brisk, bold] {
+        for radius in [8.0, 12.0, 20.0, 30.0] {
+            let (_, changes) = towards_a_bend(radius, &RolloutSettings { comfort, ..RolloutSettings::default() });
+            // While it brakes, it lets go of the brakes for good.
+            let braking = &changes[..changes.iter().rposition(|change| *change < -2.0).unwrap_or(0)];
+            let firmer = |pair: &&[f64]| pair[1] < pair[0] - 0.3;
+            let softer = braking.windows(2).position(|pair| pair[1] > pair[0] + 0.3).unwrap_or(braking.len());
+            let again = braking[softer.min(braking.len())..].windows(2).filter(firmer).count();
+            assert_eq!(again, 0, "{comfort:?}, {radius} m: {braking:.2?}");
+        }
+    }
 }
 
 #[test]
