@@ -60,9 +60,9 @@ class Comfort:
             most 1000.
         jerk_low: Largest jerk up to 3 m/s: people, and assistance systems (ISO 15622), set off and stop with more
             jerk than they accept on a motorway. Positive and at most 1000.
-        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit: of
-            people who take a sharp bend of recordings (MONA, inD), half stay below 2.6 m/s² and 70 % below 2.8
-            m/s². Positive and at most 100.
+        lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit. In the
+            bend of a motorway ramp (MONA) half of the recorded people stay below 2.6 m/s², 70 % below 2.8 m/s².
+            Positive and at most 100.
         velocity_step: Largest difference between the present speed and the speed at which a gap for a lane change
             is looked for. Positive and at most 100.
         cruise_velocity_min: Lowest desired speed on a free road, where neither the goal nor the road asks for less.
