@@ -32,7 +32,7 @@ from interdrive.run.assemble import (
 )
 from interdrive.run.cooperation import agreements_of, cooperation_notes, messages_of
 from interdrive.run.flows import demand_of
-from interdrive.run.logs import Logs
+from interdrive.run.logs import CandidateLog, Logs
 from interdrive.run.orders import orders_of
 from interdrive.run.reasons import ended_early, reasons, said_count
 from interdrive.run.violations import violations
@@ -219,7 +219,16 @@ class Simulation:
         self._start_processes()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []
-        self._logs = Logs(record, self.scenario.dt, self.threads, any_v2x=bool(self.world.equipped))
+        dt = self.scenario.dt
+        self._logs = Logs(
+            dt,
+            v2x=bool(self.world.equipped),
+            profile=record.profile,
+            predictions=record.predictions,
+            candidates=CandidateLog(dt, record.candidates, record.candidate_spacing, self.threads)
+            if record.candidates
+            else None,
+        )
 
     @property
     def time_step(self) -> int:

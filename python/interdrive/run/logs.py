@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from interdrive import _core
     from interdrive.array_types import Floats, Ints
-    from interdrive.config.schema import RecordSettings
     from interdrive.run.record import Json
 
 T = TypeVar("T")
@@ -37,24 +36,25 @@ _ONE_REJECTED_IN = 5
 class Logs:
     """All that a run notes of its steps."""
 
-    def __init__(self, settings: RecordSettings, dt: float, threads: int, *, any_v2x: bool) -> None:
+    def __init__(
+        self, dt: float, *, v2x: bool, profile: bool, predictions: bool, candidates: CandidateLog | None
+    ) -> None:
         """Starts empty.
 
         Args:
-            settings: What is recorded.
             dt: Time between steps [s].
-            threads: Threads that work out candidates.
-            any_v2x: Whether agents receive plans.
+            v2x: Whether agents receive plans.
+            profile: Whether times of single plans are noted.
+            predictions: Whether predictions are.
+            candidates: Where candidates are noted; None: they are not.
         """
         self._dt = dt
         self._time_step = 0
         self._timings = array("d")
-        self._ages = PlanAges() if any_v2x else None
-        self._profile = ProfileLog() if settings.profile else None
-        self._predictions = PredictionLog(dt) if settings.predictions else None
-        self._candidates = (
-            CandidateLog(dt, settings.candidates, settings.candidate_spacing, threads) if settings.candidates else None
-        )
+        self._ages = PlanAges() if v2x else None
+        self._profile = ProfileLog() if profile else None
+        self._predictions = PredictionLog(dt) if predictions else None
+        self._candidates = candidates
 
     def begin(self, time_step: int) -> None:
         """Times that follow belong to this time step."""
