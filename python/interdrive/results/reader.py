@@ -116,7 +116,11 @@ def with_demand(part: RunRecord, results: Results) -> RunRecord:
 
 
 def sumo_names(results: Results) -> dict[int, str]:
-    """What SUMO calls the participants that it drove, by id; empty without SUMO."""
+    """What SUMO calls the participants that it drove, by id; empty without SUMO.
+
+    Args:
+        results: Of the run.
+    """
     found = _rows(SumoParticipants, results.sumo)
     return {} if found is None else dict(zip(found.participant_id.tolist(), found.name, strict=True))
 
