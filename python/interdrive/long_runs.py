@@ -300,9 +300,8 @@ class _Writer:
     def _flows(self, run: Run) -> tuple[LaneFlow, ...]:
         if run.demand is None:
             return ()
-        begin, end = counted_time(run.settings)
-        end = min(end, (self._next - 1) * self._dt)
-        steps = begin / self._dt - 1e-9, end / self._dt + 1e-9
+        begin, end = counted_time(run.settings, run.outcomes, (self._first, self._next - 1), self._dt)
+        steps = begin / self._dt - 1e-9, end / self._dt - 1e-9
         return flows_of(run.demand, self._spool.mean_speeds(run.demand.agent_id, *steps), begin, end, self._dt)
 
 

@@ -107,6 +107,10 @@ def test_an_episode_that_begins_later_has_traffic_from_then_on():
         begin = run.states.first_time_step * run.scenario.dt
         assert np.nanmin(run.demand.due) >= begin
         assert run.states.valid[:, 0].sum() > 2
+        hours = run.states.n_steps * run.scenario.dt / 3600.0
+        counted = [row for row in lane_flows(run) if row.side == "in"]
+        assert sum(row.vehicles for row in counted) == np.isfinite(run.demand.entered[~np.isnan(run.demand.due)]).sum()
+        assert all(row.flow == pytest.approx(row.vehicles / hours) for row in counted)
 
 
 def test_other_traffic_comes_with_the_next_episode():

@@ -92,6 +92,17 @@ def test_who_waits_enters_later_and_the_table_says_so(tmp_path):
     np.testing.assert_array_less(demand.due[entered] - 1e-9, demand.entered[entered])
 
 
+def test_the_last_vehicle_to_leave_counts_and_so_does_the_empty_road_behind_it():
+    run = run_of(road(300.0, lanes=1), "idm,rate=120,duration=60,density=0")
+    left = run.demand.left
+    assert np.isfinite(left).all()
+    assert np.max(left) == pytest.approx((run.states.n_steps - 1) * run.scenario.dt), "it ends with the last one"
+    assert np.max(left) < 60.0
+    out = next(row for row in lane_flows(run) if row.side == "out")
+    assert out.vehicles == len(left) > 0
+    assert out.flow == pytest.approx(60.0 * len(left)), "per hour, in 60 s"
+
+
 def flows(rate, duration):
     """Flows on two lanes of 1 km, by cars with a time gap of 1 s."""
     settings = {"traffic.min_headway": 1.0, "traffic.mix": (1, 0, 0), "traffic.time_gap": (1.0, 0.0)}

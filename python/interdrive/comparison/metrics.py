@@ -119,10 +119,10 @@ METRICS = (
     Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", digits=2),
     Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", digits=2),
     Metric("plan_ms", "plan [ms]", "plan_seconds", scale=1000.0, digits=3),
-    Metric("traffic_flow", "traffic flow [1/h]", "traffic_flow", better=1, traffic=True, digits=0),
-    Metric("traffic_speed", "traffic speed [m/s]", "traffic_speed", better=1, traffic=True, digits=2),
-    Metric("traffic_wait", "traffic waits [s]", "traffic_wait", traffic=True),
-    Metric("traffic_queue", "queue", "traffic_queue", traffic=True),
+    Metric("traffic_flow", "traffic flow [1/h]", "traffic_flow", better=1, by_file=True, traffic=True, digits=0),
+    Metric("traffic_speed", "traffic speed [m/s]", "traffic_speed", better=1, by_file=True, traffic=True, digits=2),
+    Metric("traffic_wait", "traffic waits [s]", "traffic_wait", by_file=True, traffic=True),
+    Metric("traffic_queue", "queue", "traffic_queue", by_file=True, traffic=True),
 )
 
 #: Those that are stacked: every agent counts in exactly one of them.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.run.flows import counted_time
+from interdrive.run.flows import counted_time_of
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats
@@ -35,9 +35,8 @@ class FlowProfile:
 
 def window_edges(run: RunRecord) -> Floats:
     """Begins and ends of the windows of a run [s], ascending; the last one may be shorter than the others."""
-    dt, first = run.scenario.dt, run.states.first_time_step
-    begin, end = first * dt, (first + max(run.states.n_steps - 1, 1)) * dt
-    end = min(end, max(counted_time(run.settings)[1], begin + dt))
+    begin = run.states.first_time_step * run.scenario.dt
+    end = max(counted_time_of(run)[1], begin + run.scenario.dt)
     window = max(_WINDOW_MIN, (end - begin) / _WINDOWS)
     edges: Floats = np.append(np.arange(begin, end - 0.01 * window, window), end)
     return edges
@@ -58,7 +57,7 @@ def flow_profiles(run: RunRecord, rows: tuple[LaneFlow, ...], edges: Floats) -> 
     hours = np.diff(edges) / 3600.0
     times = (states.first_time_step + np.arange(states.n_steps)) * run.scenario.dt
     window = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, len(hours) - 1)
-    counts = times <= edges[-1]
+    counts = times < edges[-1] - 0.5 * run.scenario.dt
     place = np.searchsorted(states.participant_id, demand.agent_id)
     for row in rows:
         is_entry = row.side == "in"
@@ -76,6 +75,6 @@ def flow_profiles(run: RunRecord, rows: tuple[LaneFlow, ...], edges: Floats) -> 
             due, entered = demand.due[own], np.nan_to_num(demand.entered[own], nan=np.inf)
             due = due + run.scenario.dt  # who enters within a time step has not waited
             queue = np.array([float(((due <= end) & (entered > end)).sum()) for end in edges[1:].tolist()])
-        flow = np.histogram(moments[~np.isnan(moments)], edges)[0] / hours
+        flow = np.histogram(moments[moments < edges[-1]], edges)[0] / hours
         found.append(FlowProfile(flow, speed, queue))
     return tuple(found)

@@ -104,13 +104,13 @@ def lane_flows(run: RunRecord, first: float | None = None, last: float | None = 
 
     Args:
         run: The run; without generated traffic there are no rows.
-        first: Begin of the time that counts [s]; None: traffic.warm_up.
-        last: Its end [s]; None: traffic.duration, or the end of the run if that is earlier.
+        first: Begin of the time that counts [s]; None: as `counted_time` has it.
+        last: Its end [s], which does not count; None: as `counted_time` has it.
     """
-    begin, end = counted_time(run.settings, first, last)
-    end = min(end, (run.states.first_time_step + run.states.n_steps - 1) * run.scenario.dt)
     if run.demand is None:
         return ()
+    begin, end = counted_time_of(run)
+    begin, end = begin if first is None else first, end if last is None else last
     return flows_of(run.demand, _speeds(run, run.demand, begin, end), begin, end, run.scenario.dt)
 
 
@@ -119,8 +119,7 @@ def whole_flow(run: RunRecord) -> WholeFlow | None:
     rows = lane_flows(run)
     if run.demand is None or not rows:
         return None
-    begin, end = counted_time(run.settings)
-    speeds = _speeds(run, run.demand, begin, end)
+    speeds = _speeds(run, run.demand, *counted_time_of(run))
     entries = [row for row in rows if row.side == "in"]
     entered = sum(row.vehicles for row in entries)
     waited = sum(row.wait * row.vehicles for row in entries if row.vehicles)
@@ -132,12 +131,30 @@ def whole_flow(run: RunRecord) -> WholeFlow | None:
     )
 
 
-def counted_time(settings: RunSettings, first: float | None = None, last: float | None = None) -> tuple[float, float]:
-    """Begin and end of the time that counts [s] by the settings of a run, unless they are given."""
+def counted_time(settings: RunSettings, outcomes: Outcomes, steps: tuple[int, int], dt: float) -> tuple[float, float]:
+    """Begin and end of the time in which generated traffic counts [s]; the end does not count.
+
+    It is that between `traffic.warm_up` and `traffic.duration` after the first time step of the run. Of a run that was
+    stopped it is no longer than the run; one in which everybody has left goes on, with an empty road.
+
+    Args:
+        settings: Of the run.
+        outcomes: Of the run.
+        steps: First and last time step of the run.
+        dt: Time between steps [s].
+    """
     said = settings.get("settings", {})
-    begin = float(said.get("traffic.warm_up", 0.0)) if first is None else first  # type: ignore[arg-type]
-    end = float(said.get("traffic.duration", np.inf)) if last is None else last  # type: ignore[arg-type]
-    return begin, end
+    first, last = steps
+    begin = first * dt + float(said.get("traffic.warm_up", 0.0))  # type: ignore[arg-type]
+    end = first * dt + float(said.get("traffic.duration", np.inf))  # type: ignore[arg-type]
+    stopped = (last + 1) * dt
+    return begin, min(end, stopped) if "running" in outcomes.outcome or np.isinf(end) else end
+
+
+def counted_time_of(run: RunRecord) -> tuple[float, float]:
+    """The same of a run."""
+    first = run.states.first_time_step
+    return counted_time(run.settings, run.outcomes, (first, first + run.states.n_steps - 1), run.scenario.dt)
 
 
 def flows_of(demand: Demand, speeds: Floats, begin: float, end: float, dt: float) -> tuple[LaneFlow, ...]:
@@ -147,7 +164,7 @@ def flows_of(demand: Demand, speeds: Floats, begin: float, end: float, dt: float
         demand: The vehicles.
         speeds: Mean speed of each between the two times [m/s]; nan where it was not there.
         begin: Begin of the time that counts [s].
-        end: Its end [s].
+        end: Its end [s], which does not count.
         dt: Time between steps [s].
     """
     hours = max(end - begin, dt) / 3600.0
@@ -181,7 +198,7 @@ def _speeds(run: RunRecord, demand: Demand, begin: float, end: float) -> Floats:
     """Mean speed of each vehicle between two times [m/s]; nan where it is not there."""
     states, dt = run.states, run.scenario.dt
     times = (states.first_time_step + np.arange(states.n_steps)) * dt
-    counts = (times >= begin) & (times <= end)
+    counts = (times > begin - 0.5 * dt) & (times < end - 0.5 * dt)
     rows = np.searchsorted(states.participant_id, demand.agent_id)
     there = states.valid[rows] & counts
     total = np.where(there, states.velocity[rows], 0.0).sum(axis=1)
@@ -194,5 +211,5 @@ def _queue(demand: Demand, own: Bools, begin: float, end: float, dt: float) -> i
     due, entered = demand.due[own], demand.entered[own]
     waits = ~(entered - due < dt)
     due, entered = due[waits], np.nan_to_num(entered[waits], nan=np.inf)
-    moments = due[(due >= begin) & (due < end)]
+    moments = np.append(begin, due[(due >= begin) & (due < end)])
     return max((int(((due <= moment) & (entered > moment)).sum()) for moment in moments.tolist()), default=0)
