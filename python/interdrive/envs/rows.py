@@ -36,6 +36,7 @@ class Rows(Drives):
     Attributes:
         actions: (rows, numbers) float32 or (rows,) int32; to be filled.
         observations: (rows, numbers) float32; zero in rows that have ended, have not entered yet, or are not used.
+            Copy them before you change them: what you write into such a row may stay until the next reset.
         rewards: (rows,) float32.
         terminals: (rows,) bool; the learner has ended in this call.
         truncations: (rows,) bool; it was cut in this call.

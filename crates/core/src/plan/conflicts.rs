@@ -58,25 +58,26 @@ struct PathOccupancy {
 /// How a vehicle gives way.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Deference {
-    /// Kept to who is ahead [m].
+    /// Kept to the vehicle ahead [m].
     pub(super) minimum_gap: f64,
     /// It waits for crossing participants.
     pub(super) counts_crossing: bool,
-    /// It becomes slower than who joins ahead of it where there is no other way to be behind that one in time: beside a
-    /// faster vehicle it would otherwise not brake at all.
+    /// It becomes slower than a participant that joins ahead of it where there is no other way to be behind it in time:
+    /// beside a faster vehicle it would otherwise not brake at all.
     pub(super) falls_behind: bool,
-    /// It brakes as hard as it can for a standing vehicle that is expected to start and cross its path. Who does not, and
-    /// could not stop comfortably, goes first: whoever stands can wait.
+    /// It brakes as hard as it can for a standing vehicle that is expected to start and cross its path. A vehicle that does
+    /// not, and could not stop comfortably, goes first: agents that stand wait, replayed vehicles may not.
     pub(super) brakes_for_standing: bool,
 }
 
 impl Deference {
-    /// Behind everybody who goes first, at a distance [m].
+    /// Behind all that go first, at a distance [m].
     pub(super) fn full(minimum_gap: f64) -> Self {
         Self { minimum_gap, counts_crossing: true, falls_behind: true, brakes_for_standing: false }
     }
 
-    /// The same, but never below the speed of who joins, and braking for who stands.
+    /// The same, but never below the speed of a joining participant, and braking for standing vehicles: neither rule was
+    /// measured with the planners that use this.
     pub(super) fn at_their_speed(minimum_gap: f64) -> Self {
         Self { falls_behind: false, brakes_for_standing: true, ..Self::full(minimum_gap) }
     }

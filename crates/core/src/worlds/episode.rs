@@ -622,7 +622,7 @@ impl Episode {
     }
 }
 
-/// Fills the row of nobody with zeros, unless it is known to be zero: every observation begins with numbers about the
+/// Fills an unused row with zeros, unless it holds no observation: every observation begins with numbers about the
 /// observer, of which its size is never zero.
 fn clear(row: &mut [f32]) {
     if row[..EGO_LENGTH].iter().any(|value| value.to_bits() != 0) {
