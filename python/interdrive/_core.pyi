@@ -722,6 +722,7 @@ class World:
         seed: int = 0,
         messages: str = "none",
         profile: bool = False,
+        steps_without_agents: int = 0,
     ) -> World: ...
     @property
     def time_step(self) -> int: ...

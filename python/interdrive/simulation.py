@@ -91,7 +91,7 @@ class Simulation:
             scenario: See `interdrive.ScenarioSpec`.
             agents: "all", "reachable" (see `reachable_agents`), "problems", a number, or ids; see
                 `interdrive.scenario.agents.select`. 0, with generated traffic: nothing of the file but its map and what
-                never moves.
+                never moves; otherwise recorded vehicles or those of SUMO drive alone, as long as `step.duration` says.
             planner: See `interdrive.PlannerSpec`; or a mapping from agent ids (and "default") to planners.
             predictor: Predictor of all agents; see `interdrive.PredictorSpec`.
             views: Mapping from agent ids (and "default") to views; all other agents have `settings.view`.
@@ -132,8 +132,6 @@ class Simulation:
         self._agents_wanted = normalized(agents)
         if self.settings.traffic.is_on and self.scenario.sumo is not None:
             raise InputError(f"{self.scenario.name}: SUMO makes its traffic; leave out --traffic")
-        if self.scenario.sumo is not None and self._agents_wanted == 0:
-            raise InputError(f"{self.scenario.name}: SUMO drives around agents, of which at least one is needed")
         if self.settings.traffic.is_on and self._agents_wanted == 0:
             self.scenario = map_alone(self.scenario)
         road_settings = self.settings.road
@@ -142,7 +140,7 @@ class Simulation:
         is_reachable = self._agents_wanted == "reachable"
         notes: list[str] = []
         chosen: list[Agent] = []
-        if not self.settings.traffic.is_on or self._has_own_agents:
+        if self._has_own_agents:
             chosen, notes = select(
                 self.scenario,
                 self.road,
@@ -157,6 +155,9 @@ class Simulation:
         self.agents = sorted([*chosen, *self.traffic.agents], key=lambda agent: agent.id)
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())
+        self._steps_without_agents = self.settings.step.steps_without_agents(self.scenario, self.settings.traffic)
+        if not self.agents and not self._steps_without_agents:
+            raise InputError(f"{self.scenario.name}: has no traffic; without agents nothing happens")
         self._configs, notes = agent_configs(
             config, views or {}, rules or {}, v2x or {}, self.agents, recorded, self.seed, self.traffic.drivers
         )
@@ -171,7 +172,8 @@ class Simulation:
         """Whether the file can have agents, and they are wanted."""
         scenario = self.scenario
         has_any = bool(scenario.planning_problems) or not scenario.obstacles.is_static.all()
-        return self._agents_wanted != 0 and (has_any or self._agents_wanted != "all")
+        is_alone = self.settings.traffic.is_on and self._agents_wanted == "all"
+        return self._agents_wanted != 0 and (has_any or not is_alone)
 
     def _generated(self, chosen: list[Agent]) -> Generated:
         """Generated traffic, besides the agents of the file."""
@@ -206,13 +208,14 @@ class Simulation:
         self.world = _core.World(
             self._core_scenario,
             handles,
-            self.settings.step,
+            self.traffic.allowed(self.settings.step, self.scenario),
             threads=self.threads,
             record_views=record.views,
             v2x=self.settings.v2x,
             seed=self.seed,
             messages=record.messages,
             profile=record.profile,
+            steps_without_agents=self._steps_without_agents,
         )
         self._start_sumo()
         self._called = CalledPlanners(called, self._planner_names, self.settings.step.planner_timeout_s)
@@ -549,7 +552,7 @@ def simulate(
     Args:
         scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of
             commonroad-io.
-        agents: "all", "reachable", "problems", a number, or ids; 0 with generated traffic: none of the file.
+        agents: "all", "reachable", "problems", a number, or ids; 0: none of the file.
         planner: A planner for all agents, or a mapping from agent ids (and "default") to planners; see
             `interdrive.PlannerSpec`.
         predictor: Predictor of all agents; see `interdrive.PredictorSpec`.

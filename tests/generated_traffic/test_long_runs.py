@@ -143,3 +143,12 @@ def test_memory_does_not_grow_with_vehicles_that_have_left():
     assert sizes[0][1] > 0
     # Planners look back by a few seconds.
     assert max(size[2] for size in sizes) == sizes[-1][2] < 40
+
+
+def test_traffic_has_the_time_that_is_asked_for_however_long_that_is():
+    # Runs end after 20000 steps otherwise: 2000 s.
+    made = Simulation("highway", agents=0, traffic="idm,rate=5,duration=3600", predictor="lane_following", threads=1)
+    assert made.traffic.due[-1] > 2000.0
+    assert made.world.last_time_step > 20000
+    with pytest.raises(idr.InputError, match="are 36000 time steps, but runs end after 30000"):
+        Simulation("highway", agents=0, traffic="idm,rate=5,duration=3600", settings={"step.max_steps": 30_000})

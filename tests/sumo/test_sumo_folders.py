@@ -113,9 +113,15 @@ def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
     assert "\n" not in str(refused.value)
 
 
-def test_it_needs_an_agent(crossing):
-    with pytest.raises(idr.InputError, match="SUMO drives around agents, of which at least one is needed"):
-        idr.simulate(crossing, agents=0)
+@pytest.mark.parametrize(("end", "steps"), [("", 300), ('<end value="42"/>', 420), ('<end value="0"/>', 300)])
+def test_the_end_of_the_configuration_ends_it(crossing, end, steps):
+    edited(crossing, "crossing.sumocfg", '<begin value="0"/>', f'<begin value="0"/>{end}')
+    assert idr.read_source(crossing).sumo.n_steps == steps
+
+
+@pytest.mark.parametrize("name", STATED)
+def test_the_steps_of_published_scenarios_end_them(published, name):
+    assert idr.read_source(published / name).sumo.n_steps == STATED[name][1]
 
 
 def test_generated_traffic_is_refused_beside_it(crossing):

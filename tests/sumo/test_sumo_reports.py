@@ -49,7 +49,10 @@ def test_the_command_line_makes_the_page(crossing, tmp_path):
     assert len(page) > 100_000
 
 
-def test_without_agents_one_line_says_what_is_missing(crossing):
-    with pytest.raises(idr.InputError, match="SUMO drives around agents, of which at least one is needed") as caught:
-        idr.simulate(crossing, agents=0)
-    assert "\n" not in str(caught.value)
+def test_the_command_line_drives_without_agents(crossing, tmp_path):
+    folder = tmp_path / "run"
+    words = ["run", str(crossing), "--agents", "0", "--set", "step.duration=2", "--out", str(folder), "--report"]
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    assert "crossing, no agents" in done.output
+    assert CliRunner().invoke(main, ["verify", str(folder)]).exit_code == 0

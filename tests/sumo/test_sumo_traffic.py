@@ -64,6 +64,13 @@ def test_the_vehicles_are_as_many_as_published(published):
     assert np.abs(np.array(counts)[[30, 60, 90, 120, 150]] - [31, 33, 32, 29, 26]).max() <= 2
 
 
+def test_vehicles_of_sumo_drive_alone_to_the_end_of_the_scenario(published):
+    run = idr.simulate(published / "DEU_Cologne-63_5_I-1", agents=0, threads=1, settings={"sumo.radius": 1.0})
+    counts = run.states.valid.sum(axis=0)
+    assert (len(run.agents), len(counts), run.finished) == (0, 151, True)
+    assert np.abs(counts[[30, 60, 90, 120, 150]] - [31, 33, 32, 29, 26]).max() <= 2
+
+
 def test_nobody_is_in_the_world_twice_and_no_id_repeats(cologne):
     ids, names = cologne.states.participant_id, cologne.sumo.name
     assert len(set(ids.tolist())) == len(ids)

@@ -132,7 +132,7 @@ impl PyWorld {
     #[new]
     #[pyo3(signature = (
         scenario, agents, step, *, threads, record_views=false, v2x=None, seed=0, messages="none",
-        profile=false
+        profile=false, steps_without_agents=0
     ))]
     fn new(
         py: Python<'_>,
@@ -145,6 +145,7 @@ impl PyWorld {
         seed: u64,
         messages: &str,
         profile: bool,
+        steps_without_agents: usize,
     ) -> PyResult<Self> {
         let agents: Vec<Arc<Agent>> = agents.iter().map(|agent| Arc::clone(&agent.0)).collect();
         let record_messages = match messages {
@@ -161,6 +162,7 @@ impl PyWorld {
             v2x,
             seed,
             record_messages,
+            steps_without_agents,
             clock: profile.then_some(Clock(clock_nanoseconds)),
             ..WorldSettings::default()
         };

@@ -181,7 +181,7 @@ class Report:
 
     def step(self, time_step: int, driving: int, agents: int, last: int) -> None:
         """Shows that a time step was simulated; `last` is the latest possible one."""
-        text = f"step {time_step}, {driving} of {agents} agents drive"
+        text = f"step {time_step}" + (f", {driving} of {agents} agents drive" if agents else "")
         self._bar.update(self._task, description=text, completed=time_step, total=max(last, time_step))
 
     def counted(self, text: str, done: int, total: int) -> None:
@@ -231,8 +231,8 @@ def print_run(run: Run, folder: Path, harms: Floats | None = None) -> None:
         console.print(f"{hidden} more in outcomes.parquet", style="dim")
     counts = Counter(ended.outcome)
     parts = [f"[{STYLES.get(name, '')}]{counts[name]} {name}[/]" for name in (*OUTCOMES, "running") if counts[name]]
-    agents = said_count(len(ended.agent_id), "agent")
-    console.print(f"{escape(run.scenario.name)}, {agents}: " + ", ".join(parts))
+    agents = said_count(len(ended.agent_id), "agent") + ": " if parts else "no agents"
+    console.print(f"{escape(run.scenario.name)}, {agents}" + ", ".join(parts))
     print_notes(console, run.notes, "run.json")
     console.print(_speed(run))
     print_folder(console, folder)

@@ -30,13 +30,17 @@ class StepSettings(CoreStepSettings):
     Attributes:
         planner_timeout_s: Time limit per plan of a planner in Python; inf: no limit. With a limit, outcomes depend on
             the speed of the machine.
+        duration: How long a run without agents takes. 0: until the end of what else is there: the recording, the
+            scenario of SUMO, or `traffic.duration`.
     """
 
     planner_timeout_s: Annotated[float, "s"] = math.inf
+    duration: Annotated[float, "s"] = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
         super().__post_init__()
+        check_between("duration", self.duration, 0.0, 1e5)
         if not self.planner_timeout_s > 0:
             raise InputError("planner_timeout_s", f"must be positive (inf: no limit), not {self.planner_timeout_s}")
 
@@ -48,6 +52,17 @@ class StepSettings(CoreStepSettings):
             if problem.goal
         ]
         return _core.steps_at_most(self, scenario.obstacles.n_steps, problems)
+
+    def steps_without_agents(self, scenario: Scenario, traffic: TrafficSettings) -> int:
+        """Number of time steps of a run that has no agents."""
+        seconds = self.duration or (traffic.duration if traffic.is_on else 0.0)
+        if seconds > 0.0:
+            found = math.ceil(seconds / scenario.dt - 1e-9)
+        elif scenario.sumo is not None:
+            found = scenario.sumo.n_steps
+        else:
+            found = 0 if scenario.obstacles.is_static.all() else scenario.obstacles.n_steps - 1
+        return min(found, self.max_steps or found)
 
 
 @dataclass(frozen=True)

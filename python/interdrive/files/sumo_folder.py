@@ -41,6 +41,8 @@ _INPUTS = {
 _WRITING = re.compile(r"output|log$|^save-|^write-|^gui|^remote|^num-clients|state|^load|verbose|prefix|configuration")
 #: Attributes in files of SUMO that name files.
 _FILE_ATTRIBUTES = ("file", "output", "outputFile", "sourceFile", "href")
+#: Time steps of a scenario that states no end.
+_USUAL_STEPS = 300
 #: Sublanes are no wider [m].
 _WIDEST = 100.0
 
@@ -92,6 +94,7 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
         seed=_whole(said, "random_seed", 0),
         delta_steps=_delta(document, said, scenario.dt, where),
         presimulation_steps=_whole(said, "presimulation_steps", 0),
+        n_steps=_n_steps(document, said, scenario.dt),
         lateral_resolution=_sublanes(document, said),
         offset=offset,
     )
@@ -214,6 +217,13 @@ def _number(document: Element, option: str) -> float | None:
     if not 0 < len(parts) <= len(weights) or not all(map(math.isfinite, parts)):
         return None
     return sum(part * weight for part, weight in zip(reversed(parts), weights, strict=False))
+
+
+def _n_steps(document: Element, said: dict[str, Any], dt: float) -> int:
+    """Time steps from the first one of the run to the end of the scenario."""
+    begin, end = _number(document, "begin") or 0.0, _number(document, "end") or 0.0
+    stated = round((end - begin) / dt) - _whole(said, "presimulation_steps", 0)
+    return max(1, _whole(said, "simulation_steps", stated if stated > 0 else _USUAL_STEPS))
 
 
 def _sublanes(document: Element, said: dict[str, Any]) -> float:

@@ -15,6 +15,7 @@ class SumoTraffic:
         seed: Seed that the scenario was published with; that of the run is added to it.
         delta_steps: Steps of SUMO per time step.
         presimulation_steps: Time steps that SUMO simulates before the first one.
+        n_steps: Time steps after which the scenario is over, if there are no agents.
         lateral_resolution: Width of SUMO's sublanes [m]; 0: vehicles keep to the middle of lanes.
         offset: Where the origin of the scenario lies in the coordinates of the net [m].
         lights: Ways across junctions for which SUMO shows what lights of the file show: SUMO's id of the light, the
@@ -26,6 +27,7 @@ class SumoTraffic:
     seed: int = 0
     delta_steps: int = 1
     presimulation_steps: int = 0
+    n_steps: int = 300
     lateral_resolution: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
     lights: tuple[tuple[str, int, tuple[int, ...], bool], ...] = ()

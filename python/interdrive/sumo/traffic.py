@@ -228,7 +228,7 @@ class Traffic:
         return self._numbers[name], KINDS.index(kind), length, width
 
     def _is_near(self, name: _Name, places: list[tuple[float, ...]]) -> bool:
-        if math.isinf(self._radius):
+        if math.isinf(self._radius) or not self._agents:
             return True
         x, y = self._there[name][:2]
         reach = self._radius + (_HYSTERESIS if name in self._near else 0.0)

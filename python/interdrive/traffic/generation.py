@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from interdrive.scenario.model import Scenario
     from interdrive.traffic.arrivals import Driver
     from interdrive.traffic.settings import TrafficSettings
+
+S = TypeVar("S", bound="CoreStepSettings")
+
+
+#: Largest number of time steps of a run.
+_STEPS_MAX = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,14 @@ class Generated:
     exit_ids: tuple[int, ...] = ()
     lengths: tuple[float, ...] = ()
     entries: tuple[int, ...] = ()
+
+    def allowed(self, step: S, scenario: Scenario) -> S:
+        """Settings of steps that leave the traffic its time, unless they state a largest number of steps."""
+        ends = [agent.goal[0].time_step[1] - agent.initial_state.time_step for agent in self.agents]
+        starts = [max(agent.initial_state.time_step, (agent.queue or (0, 0))[1]) for agent in self.agents]
+        needed = max((start + int(step.grace_factor * end) for start, end in zip(starts, ends, strict=True)), default=0)
+        most = _core.steps_at_most(step, scenario.obstacles.n_steps, [])
+        return step if step.max_steps or needed <= most else replace(step, max_steps=min(needed, _STEPS_MAX))
 
 
 class TrafficMaker:
@@ -75,7 +89,7 @@ class TrafficMaker:
                 f"{settings.warm_up:g} s leave nothing of traffic.duration ({settings.duration:g} s) to count",
             )
         needed = math.ceil(settings.duration / scenario.dt)
-        most = _core.steps_at_most(step, scenario.obstacles.n_steps, [(0, needed)])
+        most = step.max_steps or _STEPS_MAX
         if needed > most:
             raise InputError(
                 "traffic.duration",

@@ -360,9 +360,14 @@ impl World {
         self.drives.iter().map(|drive| &drive.outcome)
     }
 
-    /// No agent is driving or still to come.
+    /// No agent is driving or still to come; without agents, the time of the world is over.
     pub fn is_done(&self) -> bool {
-        self.drives.iter().all(|drive| drive.outcome.kind != OutcomeKind::Running)
+        let has_time = self.drives.is_empty() && self.time_step < self.end_without_agents();
+        !has_time && self.drives.iter().all(|drive| drive.outcome.kind != OutcomeKind::Running)
+    }
+
+    fn end_without_agents(&self) -> i64 {
+        self.first_time_step.saturating_add(self.settings.steps_without_agents as i64)
     }
 
     /// Ids of the agents that drive now, ascending.
@@ -395,8 +400,11 @@ impl World {
         self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).map(|drive| drive.agent.id)
     }
 
-    /// Latest time step at which the last agent ends; `None` without agents.
+    /// Latest time step at which the last agent ends; without agents, the last time step if that is known.
     pub fn last_time_step(&self) -> Option<i64> {
+        if self.drives.is_empty() && self.settings.steps_without_agents > 0 {
+            return Some(self.end_without_agents());
+        }
         self.latest_of_agents().map(|latest| latest.min(self.final_time_step()))
     }
 

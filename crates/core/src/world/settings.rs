@@ -73,6 +73,8 @@ pub struct WorldSettings {
     pub record_messages: Logged,
     /// Keep all states and plans; otherwise only as much of the past as a scene shows.
     pub keep_recording: bool,
+    /// Number of time steps that a world without agents takes.
+    pub steps_without_agents: usize,
     /// Measures every plan of the core; `None`: nothing is measured.
     pub clock: Option<Clock>,
 }
@@ -87,6 +89,7 @@ impl Default for WorldSettings {
             seed: 0,
             record_messages: Logged::None,
             keep_recording: true,
+            steps_without_agents: 0,
             clock: None,
         }
     }

@@ -149,3 +149,19 @@ fn the_largest_number_of_steps_ends_all_that_drive_or_are_still_to_come() {
     }
     assert!(world.is_done() && world.last_time_step() == Some(3));
 }
+
+#[test]
+fn without_agents_a_world_is_over_after_its_time_and_with_agents_once_they_have_ended() {
+    let settings = WorldSettings { steps_without_agents: 3, ..WorldSettings::default() };
+    let mut alone = world_with(Vec::new(), &[Recorded::standing(5, 60.0, 0.0)], settings);
+    assert_eq!(alone.last_time_step(), Some(3));
+    while !alone.is_done() {
+        move_to(&mut alone, &[]);
+        assert!(alone.time_step() <= 3);
+    }
+    assert_eq!((alone.time_step(), alone.recording().states().n_steps), (3, 4));
+    let mut driving = world_with(vec![agent(1, at(20.0, 0.0, 10.0), vec![far()])], &[], settings);
+    (0..4).for_each(|_| move_to(&mut driving, &[]));
+    assert!(!driving.is_done());
+    assert!(world(Vec::new(), &[]).is_done());
+}
