@@ -88,7 +88,13 @@ _NO_TRAFFIC = "no generated traffic"
 TRAFFIC_COLUMNS = (
     Column("traffic_flow", "number", "generated vehicles that left the map per hour", "1/h", null=_NO_TRAFFIC),
     Column("traffic_speed", "number", "mean speed of generated vehicles on the map", "m/s", null=_NO_TRAFFIC),
-    Column("traffic_wait", "number", "mean time that they waited before the map", "s", null=_NO_TRAFFIC),
+    Column(
+        "traffic_wait",
+        "number",
+        "mean time that they waited before the map, until the end if they had not entered by then",
+        "s",
+        null=_NO_TRAFFIC,
+    ),
     Column("traffic_queue", "integer", "most of them that waited before one lane at once", null=_NO_TRAFFIC),
 )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import say
+from interdrive.run.reasons import said_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,6 +41,9 @@ def print_flows(rows: Sequence[LaneFlow]) -> None:
             "" if row.queue < 0 else str(row.queue),
         )
     print_table(console, table, 2)
+    left_out = sum(row.left_out for row in rows if row.side == "in")
+    if left_out:
+        console.print(f"{said_count(left_out, 'vehicle')} had not entered at the end, and waited longer", style="dim")
     if len(rows) > _LANES_MAX:
         console.print(f"{len(rows) - _LANES_MAX} more lanes: interdrive.run.flows.lane_flows", style="dim")
 

@@ -29,8 +29,10 @@ class LaneFlow:
         due: Number of vehicles that wanted to enter; -1 for exits.
         flow: Vehicles per hour.
         speed: Mean speed of its vehicles on the map, their way over their time [m/s]; nan without vehicles.
-        wait: Mean time that vehicles waited before the map [s]; nan for exits and without vehicles.
+        wait: Mean time that vehicles waited before the map [s], until the end of the time if they had not entered by
+            then: at least so long; nan for exits and without vehicles.
         queue: Largest number of vehicles that waited at the same time; -1 for exits.
+        left_out: Number of vehicles that wanted to enter and had not at the end; -1 for exits.
     """
 
     lane_id: int
@@ -41,6 +43,7 @@ class LaneFlow:
     speed: float
     wait: float
     queue: int
+    left_out: int
 
 
 @dataclass(frozen=True)
@@ -50,14 +53,16 @@ class WholeFlow:
     Attributes:
         flow: Vehicles that leave the map per hour.
         speed: Mean speed of vehicles on the map, each one's own mean [m/s]; nan without vehicles.
-        wait: Mean time that vehicles waited before the map [s]; nan without vehicles that entered.
+        wait: Mean time that vehicles waited before the map [s], as in `LaneFlow`; nan without vehicles.
         queue: Largest number of vehicles that waited before one lane at the same time.
+        left_out: Number of vehicles that wanted to enter and had not at the end.
     """
 
     flow: float
     speed: float
     wait: float
     queue: int
+    left_out: int
 
 
 def demand_of(
@@ -121,13 +126,13 @@ def whole_flow(run: RunRecord) -> WholeFlow | None:
         return None
     speeds = _speeds(run, run.demand, *counted_time_of(run))
     entries = [row for row in rows if row.side == "in"]
-    entered = sum(row.vehicles for row in entries)
-    waited = sum(row.wait * row.vehicles for row in entries if row.vehicles)
+    waiting = [(row.wait, row.vehicles + row.left_out) for row in entries if row.vehicles + row.left_out]
     return WholeFlow(
         flow=float(sum(row.flow for row in rows if row.side == "out")),
         speed=float(np.nanmean(speeds)) if np.isfinite(speeds).any() else float("nan"),
-        wait=waited / entered if entered else float("nan"),
+        wait=sum(wait * n for wait, n in waiting) / sum(n for _, n in waiting) if waiting else float("nan"),
         queue=max((row.queue for row in entries), default=0),
+        left_out=sum(row.left_out for row in entries),
     )
 
 
@@ -178,10 +183,12 @@ def flows_of(demand: Demand, speeds: Floats, begin: float, end: float, dt: float
         own = queued & (demand.lane_id == lane)
         wanted = own & (demand.due >= begin) & (demand.due < end)
         came = own & (demand.entered >= begin) & (demand.entered < end)
+        left_out = own & (demand.due < end) & ~(demand.entered < end)
+        waited = np.fmin(demand.entered, end) - demand.due
         known = own & ~np.isnan(speeds)
         row = LaneFlow(
             lane, "in", int(came.sum()), int(wanted.sum()), came.sum() / hours, mean(speeds[known]),
-            mean((demand.entered - demand.due)[came]), _queue(demand, own, begin, end, dt),
+            mean(waited[came | left_out]), _queue(demand, own, begin, end, dt), int(left_out.sum()),
         )  # fmt: skip
         found.append(row)
     for lane in np.unique(demand.exit_id).tolist():
@@ -189,7 +196,7 @@ def flows_of(demand: Demand, speeds: Floats, begin: float, end: float, dt: float
         went = own & (demand.left >= begin) & (demand.left < end)
         known = own & ~np.isnan(speeds)
         found.append(
-            LaneFlow(lane, "out", int(went.sum()), -1, went.sum() / hours, mean(speeds[known]), float("nan"), -1)
+            LaneFlow(lane, "out", int(went.sum()), -1, went.sum() / hours, mean(speeds[known]), float("nan"), -1, -1)
         )
     return tuple(found)
 
