@@ -245,7 +245,8 @@ def test_the_examples_of_the_documentation_run(tmp_path, monkeypatch):
     made = read_results("made").info["settings"]
     assert made["planner"]["1001"] == {"planner": "idm", "time_gap": 2.0}
     assert made["planner"]["1002"] == {"planner": "rollout", "weights.offset": 1.0}
-    assert made["views"] == {"1001": {"sensor_radius": 40.0, "occlusion": True}}
+    ((agent, view),) = made["views"].items()
+    assert (agent, view["sensor_radius"], view["occlusion"]) == ("1001", 40.0, True)
     assert made["settings"]["planner.rollout.horizon"] == 4.0
     for example in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
         exec(compile(example, "docs", "exec", dont_inherit=True), {"__name__": "example"})

@@ -119,19 +119,19 @@ def test_a_search_that_goes_on_and_ends_early_keeps_all_that_it_had_found(file, 
         raise KeyboardInterrupt
 
     out = tmp_path / "out"
-    before = searched(file, out, shrink=False, keep=3, runs=12)
+    before = searched(file, out, shrink=False, keep=3, runs=20)
     assert len(before.failures) == 3
     log = (out / "evaluations.jsonl").read_bytes()
     with monkeypatch.context() as patched:
         after(3, interrupt, patched)
         with pytest.raises(KeyboardInterrupt):
-            searched(file, out, keep=3, runs=12)
+            searched(file, out, keep=3, runs=20)
     assert (out / "evaluations.jsonl").read_bytes() == log
     assert failures(out) == list(before.failures)
-    assert len(rows_of(out)) == 12
+    assert len(rows_of(out)) == 20
     searched(file, out, keep=3, runs=1)
     assert (out / "evaluations.jsonl").read_bytes() == log
-    searched(file, out, keep=3, runs=12)
+    searched(file, out, keep=3, runs=20)
     assert [one.is_small for one in failures(out)] == [True] * len(failures(out))
     assert not (out / ".before").exists()
 

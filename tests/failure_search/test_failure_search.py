@@ -23,12 +23,13 @@ from interdrive import InputError, ResultsError
 from interdrive.cli import main
 from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, keeping, replay
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
-from interdrive.failure_search.evaluation import Drivers, judged
+from interdrive.failure_search.evaluation import Drivers, drive_of, in_disturbed, judged
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
-from interdrive.failure_search.spaces import Disturbance, Error, disturbance, undisturbed
+from interdrive.failure_search.disturbances import Disturbance, Error
+from interdrive.failure_search.spaces import disturbance, undisturbed
 from interdrive.failure_search.trials import Setup, Trial
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario.native import core_road
@@ -131,7 +132,7 @@ def test_a_killed_search_goes_on_to_the_same_bytes_and_another_process_repeats_i
     out, space = tmp_path / "killed", tmp_path / "space.toml"
     space.write_text(
         "start_time = [0.0, 0.0]\nstart_speed = [1.0, 1.0]\ndriver = []\nerrors = ['brakes']\nerror_share = 0.5\n"
-        "error_time = [0.0, 4.0]\nsight = [80.0, 80.0]\nocclusion = 0.0\nothers = 1\n"
+        "error_time = [0.0, 4.0]\nsight = [80.0, 80.0]\nocclusion = 0.0\nperception = 0.0\nothers = 1\n"
     )
     program = [sys.executable, "-m", "interdrive", "search"]
     what = [file, "--planner", BLIND, "--agent", AGENT, "--predictor", "constant_velocity", "--space", space]
@@ -394,6 +395,38 @@ def test_a_failure_repeats_with_the_settings_and_the_losses_of_its_search(file, 
     assert idr.load(out).digest == one.digest
 
 
+def test_one_vehicle_does_not_look_for_a_while_and_the_agent_perceives_others_with_errors():
+    pair, _ = pairs(scenario(), "leader.xml", 4)
+    space = Space(errors=("inattentive",))
+    point = dict(zip(space.coordinates, undisturbed(space), strict=True))
+    change = disturbance(space, "idm", pair, list({**point, "error": 0.1, "error_time": 0.5}.values()))
+    assert change.words() == "102 does not look for 0.5 s, 4.0 s after its start"
+    way = in_disturbed(drive_of(scenario(), AGENT, Drivers("idm", "idm", "lane_following")), change)
+    assert way.others == {LEADER: "idm,view.inattentive_from=4.0,view.inattentive_for=0.5"}
+    assert way.agents == (AGENT, LEADER), "it drives by a planner"
+    wrong = {"perception": 0.2, "delay": 1.0, "speed_error": 0.5, "error_seed": 0.5}
+    change = disturbance(space, "idm", pair, list({**point, **wrong}.values()))
+    assert change.words() == (
+        "the agent perceives others 0.30 s late; the agent perceives speeds with errors of 5.0%"
+    )
+    way = in_disturbed(drive_of(scenario(), AGENT, Drivers("idm", "idm", "lane_following")), change)
+    assert way.planners[AGENT] == "idm,view.delay=0.3,view.speed_error=0.05,view.error_seed=2147483647"
+    assert disturbance(space, "idm", pair, list({**point, **wrong, "perception": 0.3}.values())).perception == {}
+
+
+def test_a_failure_by_what_the_agent_perceives_is_repeated_to_the_bit(file, tmp_path):
+    space = replace(BRAKING, perception=1.0, missed=(1.0, 1.0), error_share=1.0)
+    found = searched(file, tmp_path / "out", RUNS, planner="idm", space=space, keep=1, stop_after=1)
+    (one,) = found.failures
+    assert (one.failure, one.drive.perception["missed"]) == ("ran_into", 1.0)
+    assert "misses others in 100.0% of the time steps" in one.disturbance
+    assert replay(one)[1]
+    out = tmp_path / "again"
+    ran = CliRunner().invoke(main, ["run", "--config", str(one.folder / "run.toml"), "--out", str(out), "--quiet"])
+    assert ran.exit_code == 0, ran.output
+    assert idr.load(out).digest == one.digest
+
+
 def test_failures_on_other_lanelets_are_of_another_kind(done):
     run = done[0].failures[0].replay(trust=True)
     (lanelet,) = run.scenario.lanelets.ids.tolist()
@@ -431,14 +464,14 @@ def test_shrinking_takes_back_what_chooses_among_kinds_but_makes_nothing_of_it_s
 
 def test_disturbances_that_mean_the_same_are_driven_once(file, monkeypatch):
     (pair,) = [one for one in pairs(scenario(), str(file), 1) if one.agent_id == AGENT]
-    space = replace(BRAKING, errors=("inattentive",), error_share=1.0, v2x_loss=(0.0, 0.0))
+    space = replace(BRAKING, errors=("replays",), error_share=1.0, v2x_loss=(0.0, 0.0))
     setup = Setup(Drivers(BLIND, "idm", "constant_velocity"), space, 0)
     driven = []
     monkeypatch.setattr(keeping, "avoided_by", lambda *_: "")
     monkeypatch.setattr(keeping, "judged_in", lambda *world: driven.append(world))
     at = {**dict.fromkeys(space.coordinates, 0.7), "sight": 1.0}
     point, is_small = keeping._smallest(Trial(setup, pair, None, tuple(at.values()), "alike"))
-    # Only that it is inattentive means something; when, how much, and who of one vehicle do not.
+    # Only that it replays its recording means something; when, how much, and who of one vehicle do not.
     assert len(driven) == 1
     assert is_small
     assert dict(zip(space.coordinates, point, strict=True))["error"] == 0.7
@@ -504,6 +537,8 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         ('drivers = "homes"', "did you mean house?"),
         ("error_time = [-1.0, 1.0]", "error_time: must not be negative, is -1"),
         ("v2x_loss = [0.0, 2.0]", "v2x_loss: must be from 0 to 1, is 2"),
+        ("missed = [0.0, 1.5]", "missed: must be from 0 to 1, is 1.5"),
+        ("delay = [-0.1, 0.3]", "delay: must not be negative, is -0.1"),
         ("occlusion = -0.5", "occlusion: must be from 0 to 1, is -0.5"),
         ("=", "not a TOML file"),
     ],

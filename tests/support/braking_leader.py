@@ -13,5 +13,6 @@ BRAKING = Space(
     error_time=(0.0, 4.0),
     sight=(80.0, 80.0),
     occlusion=0.0,
+    perception=0.0,
     others=1,
 )

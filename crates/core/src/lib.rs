@@ -6,6 +6,7 @@ pub mod error;
 pub mod settings;
 pub mod limits;
 pub mod conduct;
+pub mod draws;
 pub mod geometry;
 pub mod columns;
 pub mod trajectory;

@@ -4,6 +4,7 @@
 mod contact;
 pub use contact::PlacedBody;
 pub mod line_of_sight;
+mod perception;
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
 use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
-use crate::settings::{positive, settings};
+use crate::settings::{between, positive, settings};
 use crate::trajectory::{State, States};
 use crate::vehicle::ParticipantKind;
 
@@ -89,6 +90,31 @@ settings! {
         /// of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers. Agents are
         /// careful at junctions where something is hidden (`rules.unseen`).
         occlusion: bool = false;
+        /// How late it perceives where others are. A participant that has just come is perceived where it came.
+        delay: f64 ["s"] = 0.0, between(0.0, 10.0);
+        /// Standard deviation of the errors of the positions of others that it perceives, in x and in y. Errors change
+        /// within a second.
+        position_error: f64 ["m"] = 0.0, between(0.0, 100.0);
+        /// Standard deviation of the errors of their speeds, as a share of the speed.
+        speed_error: f64 = 0.0, between(0.0, 10.0);
+        /// Share of the time steps at which it does not perceive a participant that it sees.
+        missed: f64 = 0.0, between(0.0, 1.0);
+        /// Which errors of perception these are.
+        error_seed: usize = 0, between(0.0, u32::MAX as f64);
+        /// From when on it is inattentive, after its start.
+        inattentive_from: f64 ["s"] = 0.0, between(0.0, 1e5);
+        /// For how long it does not look at all: it goes on with the plan that it has, at most to its end.
+        inattentive_for: f64 ["s"] = 0.0, between(0.0, 1e5);
+    }
+}
+
+impl ViewLimits {
+    /// It does not look, so long after its start [s].
+    pub(crate) fn looks_away(&self, elapsed: f64) -> bool {
+        /// Time steps begin at whole multiples of their length, but for rounding [s].
+        const ROUNDING: f64 = 1e-6;
+        let since = elapsed + ROUNDING - self.inattentive_from;
+        0.0 <= since && since < self.inattentive_for
     }
 }
 
@@ -225,8 +251,10 @@ impl Scene {
             |place: usize| !participants.storeys.are_apart_at(|| (pose, self.state(self.present[place]).pose()));
         let others = (0..self.present.len()).filter(|place| self.present[*place] != row && is_level(*place));
         visible.clear();
+        let ids = &participants.ids;
+        let misses = |place: &usize| limits.misses([ids[row], ids[self.present[*place]]], self.time_step);
         if !limits.occlusion {
-            visible.extend(others.filter(|place| is_near(*place)));
+            visible.extend(others.filter(|place| is_near(*place) && !misses(place)));
             return;
         }
         visible.extend(others);
@@ -243,7 +271,7 @@ impl Scene {
             })
             .collect();
         let mut seen = line_of_sight::seen_from(eye, &bodies).into_iter();
-        visible.retain(|_| seen.next() == Some(true));
+        visible.retain(|place| seen.next() == Some(true) && !misses(place));
     }
 
     /// Which of some bodies that are not present the participant in a row would see if they were: footprint, pose, and
@@ -327,7 +355,7 @@ mod tests {
             (ParticipantKind::Structure, true, wall.clone(), 34.9),
             (ParticipantKind::Structure, true, wall, 35.1),
         ]);
-        let limits = ViewLimits { sensor_radius: 20.0, occlusion: false };
+        let limits = ViewLimits { sensor_radius: 20.0, ..ViewLimits::default() };
         assert_eq!(scene.visible_from(0, &limits), [1, 3]);
         assert_eq!(scene.visible_from(2, &limits), [1, 3, 4]);
     }
@@ -363,7 +391,8 @@ mod tests {
             (ParticipantKind::Train, false, across, 70.0),
             (ParticipantKind::Car, false, Shape::rectangle(4.0, 2.0), 57.0),
         ]);
-        let seen = |occlusion| scene.visible_from(0, &ViewLimits { sensor_radius: 60.0, occlusion });
+        let seen =
+            |occlusion| scene.visible_from(0, &ViewLimits { sensor_radius: 60.0, occlusion, ..ViewLimits::default() });
         assert_eq!(seen(false), [2]);
         assert_eq!(seen(true), Vec::<usize>::new());
     }

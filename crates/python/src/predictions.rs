@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use interdrive_core::predict::completed;
+use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::{Predictions, State};
 use interdrive_core::v2x::{Known, SharedPredictions};
 use interdrive_core::world::Expected;
@@ -280,5 +281,16 @@ impl PyPredictions {
     /// Some rows of the table that agents with V2X expect.
     pub fn rows_told(told: &SharedPredictions, rows: Vec<usize>) -> Self {
         Self { table: Arc::clone(&told.table), rows: Some(rows), told: None }
+    }
+
+    /// The same for an agent that perceives a scene otherwise; rows from `last` on stay as they are.
+    pub fn perceived(self, truth: &Scene, seems: &Scene, last: usize) -> Self {
+        let ids = &truth.participants.ids;
+        let rows = self.rows.clone().unwrap_or_else(|| (0..self.table.ids.len()).collect());
+        let row_of = |place: usize| {
+            let is_it = |row: &usize| *row < last && self.table.ids[*row] == ids[truth.present[place]];
+            rows.iter().copied().find(is_it)
+        };
+        Self { table: Arc::new(truth.expected_of(seems, &self.table, &row_of)), ..self }
     }
 }

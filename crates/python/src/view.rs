@@ -35,7 +35,10 @@ pub struct KnownBody {
 /// itself.
 #[pyclass(frozen, name = "View", module = "interdrive._core")]
 pub struct PyView {
+    /// As the agent perceives it.
     pub scene: Arc<Scene>,
+    /// As it is, if the agent perceives something else.
+    pub truth: Option<Arc<Scene>>,
     pub visible: Vec<usize>,
     /// All participants that it knows of, if it has V2X.
     pub known: Option<Vec<KnownBody>>,
@@ -254,15 +257,23 @@ impl PyPredictions {
         if expected != found {
             return Err(exception(Error::WrongTimeStep { what: "predictions", expected, found }));
         }
-        if let Some((told, known)) = self.told.as_ref().and_then(|told| Some((told, told.known.get(&view.agent.id)?))) {
+        let told = self.told.as_ref().and_then(|told| Some((told, told.known.get(&view.agent.id)?)));
+        let found = if let Some((told, known)) = told {
             let own = view.scene.present.binary_search(&view.row).expect("a view is of an agent that is present");
             let mut rows: Vec<usize> = known.iter().map(|known| known.row).collect();
             rows.insert(known.partition_point(|known| known.id < view.agent.id), own);
-            return Ok(Self::rows_told(told, rows));
-        }
-        let mut rows = view.visible.clone();
-        rows.insert(rows.partition_point(|row| *row < view.row), view.row);
-        Ok(self.only(rows.into_iter().map(|row| view.scene.participants.ids[row])))
+            Self::rows_told(told, rows)
+        } else {
+            let mut rows = view.visible.clone();
+            rows.insert(rows.partition_point(|row| *row < view.row), view.row);
+            self.only(rows.into_iter().map(|row| view.scene.participants.ids[row]))
+        };
+        // What it was told has no errors.
+        let last = told.map_or(usize::MAX, |(told, _)| told.n_present());
+        Ok(match &view.truth {
+            Some(truth) => found.perceived(truth, &view.scene, last),
+            None => found,
+        })
     }
 }
 

@@ -193,6 +193,8 @@ impl PyWorld {
             Some(told) => progress(told)?,
             None => self.0.progress(id).map_err(exception)?,
         };
+        let seems = scene.scene.perceived_by(row, &agent.view).map(Arc::new);
+        let truth = seems.as_ref().map(|_| Arc::clone(&scene.scene));
         Ok(PyView {
             visible,
             known: known.map(|known| known.into_iter().map(|parts| body(&scene.scene, parts)).collect()),
@@ -200,7 +202,8 @@ impl PyWorld {
             state: scene.scene.state(row),
             progress,
             speed_limit: self.0.speed_limits(id).map_err(exception)?,
-            scene: Arc::clone(&scene.scene),
+            scene: seems.unwrap_or_else(|| Arc::clone(&scene.scene)),
+            truth,
             road: Arc::clone(&self.0.scenario().road),
             agent,
         })

@@ -13,7 +13,7 @@ from interdrive.scenario.inspection import lanelets_at
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats
-    from interdrive.failure_search.spaces import Disturbance, Error
+    from interdrive.failure_search.disturbances import Disturbance, Error
     from interdrive.scenario import Obstacles, Scenario
 
 #: A vehicle that has braked takes up its recorded speed with this [m/s²].

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from interdrive.array_types import Ints
-    from interdrive.failure_search.spaces import Disturbance
+    from interdrive.failure_search.disturbances import Disturbance
     from interdrive.run import States
     from interdrive.runs import Run
     from interdrive.scenario import Scenario
@@ -58,12 +58,13 @@ class Drive:
     Attributes:
         agents: Ids of the agents.
         agent_id: The agent under test.
-        planner: Its planner, without `sight` and `occluded`.
+        planner: Its planner, without `sight`, `occluded` and `perception`.
         others: Planners of the other agents, by id.
         predictor: Predictor of all agents.
         sight: Radius within which the agent sees [m]; None: as its settings say.
         occluded: The agent does not see through vehicles and buildings.
         settings: Settings of the run by dotted name, as on the command line.
+        perception: Settings of the agent's view: the errors with which it perceives others.
     """
 
     agents: tuple[int, ...]
@@ -74,6 +75,7 @@ class Drive:
     sight: float | None = None
     occluded: bool = False
     settings: dict[str, str] = field(default_factory=dict)
+    perception: dict[str, float] = field(default_factory=dict)
 
     def by(self, planner: str) -> Drive:
         """The same with another planner of the agent."""
@@ -87,6 +89,7 @@ class Drive:
             own = f"{own},view.sensor_radius={self.sight!r}"
         if self.occluded and "view.occlusion" not in own:
             own = f"{own},view.occlusion=true"
+        own += "".join(f",view.{name}={value!r}" for name, value in self.perception.items() if f"view.{name}" not in own)
         found: dict[int | str, Any] = {self.agent_id: own}
         found.update(self.others.items())
         return found
@@ -232,12 +235,18 @@ def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
     }
     lost = {} if change.loss is None else {"v2x.loss": f"{change.loss!r}"}
     settings = {**drive.settings, **lost}
-    found = replace(drive, others=others, sight=change.sight, occluded=change.occluded, settings=settings)
+    sight, occluded, perception = change.sight, change.occluded, change.perception
+    found = replace(
+        drive, others=others, sight=sight, occluded=occluded, settings=settings, perception=perception
+    )
     error = change.error
     if error is None or error.who not in others:
         return found
     if error.kind == "disobeys":
         return replace(found, others={**others, error.who: f"{others[error.who]},rules.enabled=false"})
+    if error.kind == "inattentive":
+        lapse = f"view.inattentive_from={error.time!r},view.inattentive_for={error.duration!r}"
+        return replace(found, others={**others, error.who: f"{others[error.who]},{lapse}"})
     left = {number: name for number, name in others.items() if number != error.who}
     return replace(found, agents=tuple(number for number in drive.agents if number != error.who), others=left)
 

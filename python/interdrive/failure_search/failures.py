@@ -145,6 +145,7 @@ def read_failure(folder: str | Path) -> Failure:
             None if drive["sight"] is None else float(drive["sight"]),
             bool(drive.get("occluded", False)),
             {str(name): str(value) for name, value in drive.get("settings", {}).items()},
+            {str(name): value for name, value in drive.get("perception", {}).items()},
         )
     except FileNotFoundError:
         raise ResultsError(f"{folder}: not the folder of a failure: there is no {_FILE}") from None

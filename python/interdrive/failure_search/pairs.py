@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.failure_search.spaces import Pair
+from interdrive.failure_search.disturbances import Pair
 from interdrive.files import read_scenario, scenario_file
 from interdrive.files.roads import road_elements
 from interdrive.scenario.inspection import candidates

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from interdrive.failure_search.allocation import Proposal
     from interdrive.failure_search.backends import Backend
     from interdrive.failure_search.record import Record
-    from interdrive.failure_search.spaces import Pair
+    from interdrive.failure_search.disturbances import Pair
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
-"""What a search may change: starts, speeds and drivers near an agent, an error of one, its sight, lost messages."""
+"""What a search may change: starts, speeds and drivers near an agent, an error of one, its senses, lost messages."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +12,7 @@ import numpy as np
 from interdrive.config.binding import bind, dotted
 from interdrive.config.drivers import PARAMETERS, SETTINGS, TEMPERAMENT, read_drivers
 from interdrive.errors import InputError
+from interdrive.failure_search.disturbances import Disturbance, Error
 from interdrive.files import content_of_input
 from interdrive.storage.reading import decoded, parsed_toml
 
@@ -20,26 +21,32 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from interdrive.array_types import Floats
+    from interdrive.failure_search.disturbances import Pair
 
 #: Errors of one other vehicle, each with one line of explanation.
 ERRORS = {
     "brakes": "it brakes for no reason, and then goes on",
     "drifts": "it leaves the middle of its way to one side",
-    "inattentive": "it replays its recording and does not react",
+    "inattentive": "it does not look for a while, and goes on with the plan that it has",
     "disobeys": "it keeps no rules of the road",
+    "replays": "it replays its recording and does not react",
 }
 #: Those of them that only a vehicle makes which is driven by a planner otherwise.
-_OF_DRIVERS = ("inattentive", "disobeys")
+_OF_DRIVERS = ("inattentive", "disobeys", "replays")
 #: The traffic of a search that replays its recordings.
 RECORDED = "recorded"
 
 #: Coordinates of the error, and of what the agent sees, behind those of the other vehicles.
 _OF_ERROR = ("error", "error_by", "error_time", "error_size")
 _OF_SIGHT = ("sight", "occlusion")
+#: Settings of the view that are errors of perception, and what says whether there are any, and which.
+_ERRORS_OF_PERCEPTION = ("delay", "position_error", "speed_error", "missed")
+_OF_PERCEPTION = ("perception", *_ERRORS_OF_PERCEPTION, "error_seed")
+_SEEDS = 2**32
 #: That of messages, where there are any.
 _OF_MESSAGES = ("v2x_loss",)
 #: Coordinates that choose among kinds: a neighbour of a point draws them anew, or leaves them.
-CHOICES = ("error", "error_by", "occlusion")
+CHOICES = ("error", "error_by", "occlusion", "perception", "error_seed")
 #: Normal numbers of a driver lie within the ellipse that holds 99 % of all drivers; this is the 99 % quantile.
 _RARE = 2.3263
 _NORMAL = NormalDist()
@@ -58,9 +65,14 @@ class Space:
         quantiles: Bounds of the quantiles of the population that are drawn.
         errors: Errors of which at most one vehicle makes one, keys of `ERRORS`.
         error_share: Share of the runs in which one does.
-        error_time: When it brakes or drifts, from its first state on [s].
+        error_time: When it brakes, drifts or looks away, from its first state on [s].
         sight: Radius within which the agent sees [m].
         occlusion: Share of the runs in which it does not see through vehicles and buildings.
+        perception: Share of the runs in which it perceives others with errors.
+        delay: How late it perceives them [s].
+        position_error: Standard deviation of the errors of their positions [m].
+        speed_error: Standard deviation of the errors of their speeds, as a share.
+        missed: Share of the time steps at which it does not perceive one that it sees.
         v2x_loss: Share of messages that are lost, where agents have V2X.
         others: Number of vehicles that are disturbed: those that come nearest to the agent.
     """
@@ -70,11 +82,16 @@ class Space:
     driver: tuple[str, ...] = ("time_gap", "acceleration")
     drivers: str = "house"
     quantiles: tuple[float, float] = (0.01, 0.99)
-    errors: tuple[str, ...] = ("brakes", "drifts", "inattentive", "disobeys")
+    errors: tuple[str, ...] = ("brakes", "drifts", "inattentive", "disobeys", "replays")
     error_share: float = 0.75
     error_time: Annotated[tuple[float, float], "s"] = (0.0, 8.0)
     sight: Annotated[tuple[float, float], "m"] = (30.0, 80.0)
     occlusion: float = 0.25
+    perception: float = 0.25
+    delay: Annotated[tuple[float, float], "s"] = (0.0, 0.3)
+    position_error: Annotated[tuple[float, float], "m"] = (0.0, 0.5)
+    speed_error: tuple[float, float] = (0.0, 0.1)
+    missed: tuple[float, float] = (0.0, 0.2)
     v2x_loss: tuple[float, float] = (0.0, 1.0)
     others: int = 4
 
@@ -87,14 +104,15 @@ class Space:
             "quantiles": self.quantiles,
             "error_time": self.error_time,
             "v2x_loss": self.v2x_loss,
+            **{name: getattr(self, name) for name in _ERRORS_OF_PERCEPTION},
         }
         for name, (low, high) in bounds.items():
             if not -math.inf < low <= high < math.inf:
                 raise InputError(name, f"needs two finite bounds, the lower one first, not {low:g} and {high:g}")
-            if name not in ("start_time", "error_time", "v2x_loss") and not low > 0.0:
+            if name in ("start_speed", "sight", "quantiles") and not low > 0.0:
                 raise InputError(name, f"must be positive, is {low:g}")
-        if not self.error_time[0] >= 0.0:
-            raise InputError("error_time", f"must not be negative, is {self.error_time[0]:g}")
+            if name in ("error_time", *_ERRORS_OF_PERCEPTION) and not low >= 0.0:
+                raise InputError(name, f"must not be negative, is {low:g}")
         if not self.quantiles[1] < 1.0:
             raise InputError("quantiles", f"must be below 1, is {self.quantiles[1]:g}")
         for name in self.errors:
@@ -104,8 +122,9 @@ class Space:
         for name in self.driver:
             if name not in drawn:
                 raise InputError("driver", f"drivers do not differ in {name}; there are {', '.join(drawn)}")
-        shares = (("error_share", self.error_share), ("occlusion", self.occlusion))
-        for name, share in (*shares, *(("v2x_loss", bound) for bound in self.v2x_loss)):
+        shares = [(name, getattr(self, name)) for name in ("error_share", "occlusion", "perception")]
+        shares += [(name, bound) for name in ("missed", "v2x_loss") for bound in getattr(self, name)]
+        for name, share in shares:
             if not 0.0 <= share <= 1.0:
                 raise InputError(name, f"must be from 0 to 1, is {share:g}")
         if self.others < 1:
@@ -136,7 +155,7 @@ class Space:
         """Names of the coordinates of a point, those of the other vehicles with their place, nearest first."""
         own = ("start_time", "start_speed", *self.driver)
         others = (f"{name}.{place}" for place in range(self.others) for name in own)
-        return (*others, *_OF_ERROR, *_OF_SIGHT, *(_OF_MESSAGES if self.v2x_loss[1] > 0.0 else ()))
+        return (*others, *_OF_ERROR, *_OF_SIGHT, *_OF_PERCEPTION, *(_OF_MESSAGES if self.v2x_loss[1] > 0.0 else ()))
 
     def with_traffic(self, traffic: str) -> Space:
         """The same without draws of drivers, and without errors of drivers, where the traffic has none.
@@ -191,91 +210,6 @@ def with_drivers(traffic: str, space: Space) -> tuple[str, Space]:
     return left, replace(space, drivers=named[-1])
 
 
-@dataclass(frozen=True)
-class Pair:
-    """An agent of a scenario file, with the vehicles that come near to it in the recording, nearest first."""
-
-    path: str
-    scenario: str
-    agent_id: int
-    others: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Error:
-    """What one other vehicle does wrong.
-
-    Attributes:
-        kind: A key of `ERRORS`.
-        who: The vehicle.
-        time: From its first state on [s].
-        size: Braking [m/s²], or sideways offset, positive to the left [m].
-        duration: Of the braking [s].
-    """
-
-    kind: str
-    who: int
-    time: float
-    size: float
-    duration: float
-
-
-@dataclass(frozen=True)
-class Disturbance:
-    """A point of the space in the terms of the field.
-
-    Attributes:
-        times: By vehicle, how much further along its recording it starts [s].
-        speeds: By vehicle, the factor of its speeds.
-        error: The error of one of them; None: there is none.
-        sight: Radius within which the agent sees [m]; None: as its settings say.
-        occluded: The agent does not see through vehicles and buildings.
-        drivers: By vehicle, settings of its planner that its driver has drawn; others are undisturbed.
-        rare: A vehicle whose driver is not among 99 % of the population; None: there is none.
-        loss: Share of messages that are lost; None: as the settings say.
-    """
-
-    times: dict[int, float]
-    speeds: dict[int, float]
-    error: Error | None
-    sight: float | None
-    occluded: bool = False
-    drivers: dict[int, dict[str, float]] = field(default_factory=dict)
-    rare: int | None = None
-    loss: float | None = None
-
-    def words(self) -> str:
-        """What is different, in one line."""
-        said = [
-            f"{who} starts {abs(time):.2f} s {'further on' if time > 0.0 else 'earlier on its way'}"
-            for who, time in self.times.items()
-            if time != 0.0
-        ]
-        said += [f"{who} drives at {factor:.3f} of its speed" for who, factor in self.speeds.items() if factor != 1.0]
-        said += [
-            f"{who} is driven with {', '.join(f'{name} {value:.2f}' for name, value in own.items())}"
-            for who, own in self.drivers.items()
-        ]
-        if self.error is not None:
-            error = self.error
-            what = {
-                "brakes": f"brakes with {error.size:.1f} m/s² for {error.duration:.1f} s, {error.time:.1f} s after "
-                "its start",
-                "drifts": f"drifts {abs(error.size):.2f} m to the {'left' if error.size > 0.0 else 'right'}, "
-                f"{error.time:.1f} s after its start",
-                "inattentive": "does not react",
-                "disobeys": "keeps no rules of the road",
-            }
-            said.append(f"{error.who} {what[error.kind]}")
-        if self.sight is not None:
-            said.append(f"the agent sees {self.sight:.0f} m far")
-        if self.occluded:
-            said.append("the agent does not see through vehicles and buildings")
-        if self.loss is not None:
-            said.append(f"{100.0 * self.loss:.0f} % of messages are lost")
-        return "; ".join(said) or "nothing is disturbed"
-
-
 def undisturbed(space: Space) -> Floats:
     """The point of a space at which nothing is changed."""
     neutral = {
@@ -283,7 +217,9 @@ def undisturbed(space: Space) -> Floats:
         "start_speed": _back(1.0, space.start_speed),
         **dict.fromkeys(space.driver, 0.5),
         **dict.fromkeys(_OF_ERROR, 0.0),
-        **dict.fromkeys(("error", *_OF_SIGHT), 1.0),
+        **dict.fromkeys(("error", *_OF_SIGHT, "perception"), 1.0),
+        **{name: _back(0.0, getattr(space, name)) for name in _ERRORS_OF_PERCEPTION},
+        "error_seed": 0.0,
         "v2x_loss": _back(0.0, space.v2x_loss),
     }
     return np.array([neutral[name.partition(".")[0]] for name in space.coordinates])
@@ -310,7 +246,17 @@ def disturbance(space: Space, traffic: str, pair: Pair, point: Sequence[float] |
     sight = None if at["sight"] >= 1.0 else low + (high - low) * at["sight"]
     lost = at.get("v2x_loss")
     loss = None if lost is None or lost == _back(0.0, space.v2x_loss) else _toward(lost, space.v2x_loss, 0.0)
-    return Disturbance(times, speeds, error, sight, at["occlusion"] < space.occlusion, drivers, rare, loss)
+    occluded = at["occlusion"] < space.occlusion
+    return Disturbance(times, speeds, error, sight, occluded, drivers, rare, loss, _perception(space, at))
+
+
+def _perception(space: Space, at: dict[str, float]) -> dict[str, float]:
+    """Settings of the agent's view; empty if it perceives everything as it is."""
+    if at["perception"] >= space.perception:
+        return {}
+    drawn = {name: _toward(at[name], getattr(space, name), 0.0) for name in _ERRORS_OF_PERCEPTION}
+    found = {name: value for name, value in drawn.items() if value > 0.0}
+    return {**found, "error_seed": int(at["error_seed"] * (_SEEDS - 1))} if found else {}
 
 
 def _driver(space: Space, traffic: str, normal: dict[str, float]) -> dict[str, float]:
@@ -337,6 +283,8 @@ def _error(space: Space, pair: Pair, at: dict[str, float]) -> Error | None:
     if kind == "drifts":
         side = 1.0 if size >= 0.5 else -1.0
         return Error(kind, whom, when, side * (0.3 + 0.7 * abs(2.0 * size - 1.0)), 2.0)
+    if kind == "inattentive":
+        return Error(kind, whom, when, 0.0, 0.5 + 2.5 * size)
     return Error(kind, whom, 0.0, 0.0, 0.0)
 
 

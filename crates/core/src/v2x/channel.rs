@@ -2,7 +2,8 @@
 //! order.
 
 use super::V2xSettings;
-use super::draw::{JITTER, RECEPTION, uniform};
+use super::draw::{JITTER, RECEPTION};
+use crate::draws::uniform;
 
 /// Probability that a message gets over a distance [m]: without fading all or nothing. With fading the power is gamma
 /// distributed (Nakagami, m = 3) and its mean falls with the square of the distance: Killat, Hartenstein, EURASIP JWCN

@@ -20,7 +20,7 @@ mod tests;
 mod trigger;
 
 pub use channel::{reception, steps_to_arrival};
-pub use draw::{equipped, uniform};
+pub use draw::equipped;
 pub(crate) use expect::Observer;
 pub use expect::{Extra, SharedPredictions};
 pub use know::{Known, Via};

@@ -398,11 +398,12 @@ impl Drive {
         Some(plan.points[index.min(plan.points.len() - 1)])
     }
 
-    /// It is not yet time for a new plan, and the last one still has points to follow.
-    pub(super) fn keeps_plan(&self, time_step: i64, replan_every: usize) -> bool {
+    /// It is not yet time for a new plan, or it is inattentive, and the last one still has points to follow.
+    pub(super) fn keeps_plan(&self, time_step: i64, replan_every: usize, dt: f64) -> bool {
         self.plan.as_ref().is_some_and(|(plan, made)| {
             let age = (time_step - made) as usize;
-            age < replan_every && plan.points.len() > age + 1
+            let elapsed = (time_step - self.agent.start_time_step) as f64 * dt;
+            (age < replan_every || self.agent.view.looks_away(elapsed)) && plan.points.len() > age + 1
         })
     }
 

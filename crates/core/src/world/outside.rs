@@ -137,7 +137,7 @@ impl World {
         if length < 2 {
             return Err((OutcomeKind::PlannerError, "the plan has values that are not numbers".into()));
         }
-        if drive.keeps_plan(self.time_step, self.settings.step.replan_every) {
+        if drive.keeps_plan(self.time_step, self.settings.step.replan_every, self.scenario.dt) {
             return Ok(None);
         }
         let now = self.states[drive.row].expect("a driving agent has a state");

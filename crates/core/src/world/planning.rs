@@ -79,11 +79,15 @@ impl World {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);
+        let seems = scene.perceived_by(drive.row, &drive.agent.view);
+        let (crowd, table, prediction_index) = &match &seems {
+            Some(seems) => crowd.perceived((scene, seems), table),
+            None => (crowd.clone(), table.clone().into_owned(), PredictionIndex::of(table, &crowd.positions)),
+        };
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
-        let prediction_index = PredictionIndex::of(table, &crowd.positions);
         let level = self.on_its_storey(drive, &others, table);
-        let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), &prediction_index));
+        let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), prediction_index));
         Ok(plan::candidates(&drive.agent.planner, drive.prepared(&self.scenario), &request))
     }
 
@@ -117,6 +121,10 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
+        let seems = scene.perceived_by(drive.row, &drive.agent.view);
+        let perceived = seems.as_ref().map(|seems| crowd.perceived((scene, seems), expected.0));
+        let (crowd, expected) =
+            perceived.as_ref().map_or((crowd, expected), |(crowd, table, index)| (crowd, (table, index)));
         let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
         crowd.see(drive, scene, &mut memory.visible, &mut others);
         let level = self.on_its_storey(drive, &others, expected.0);
@@ -147,7 +155,7 @@ impl World {
 
     /// The rest of the last plan, if it is not yet time for a new one.
     fn kept_plan(&self, drive: &Drive) -> Option<PlanResult> {
-        if !drive.keeps_plan(self.time_step, self.settings.step.replan_every) {
+        if !drive.keeps_plan(self.time_step, self.settings.step.replan_every, self.scenario.dt) {
             return None;
         }
         let (plan, made) = drive.plan.as_ref()?;
@@ -240,6 +248,7 @@ impl World {
 }
 
 /// All participants present, as planners see them, and what agents were told.
+#[derive(Clone)]
 pub(super) struct Crowd<'a> {
     /// One per row of the predictions.
     positions: Vec<Point>,
@@ -268,6 +277,20 @@ impl<'a> Crowd<'a> {
         let Some(told) = &expected.told else { return (crowd, completed(&expected.predictions, scene)) };
         crowd.positions.extend(told.extras.iter().map(|extra| extra.state.pose().position));
         (Self { told: Some(told), ..crowd }, Cow::Borrowed(&told.table))
+    }
+
+    /// The same as an agent perceives them, and what it expects of them: the participants in sight are where they seem to
+    /// be. What it was told has no errors.
+    fn perceived(
+        &self,
+        (scene, seems): (&Scene, &'a Scene),
+        predictions: &Predictions,
+    ) -> (Self, Predictions, PredictionIndex) {
+        let mut crowd = Self { told: self.told, ..Self::of(seems) };
+        crowd.positions.extend(&self.positions[crowd.positions.len()..]);
+        let table = scene.expected_of(seems, predictions, &Some);
+        let index = PredictionIndex::of(&table, &crowd.positions);
+        (crowd, table, index)
     }
 
     /// Writes the participants that an agent sees or was told of; `visible` is memory.

@@ -188,7 +188,11 @@ fn agent(source: &mut Source, scenario: &Scenario, id: i64) -> Option<Agent> {
         goal,
         route: Arc::new(route),
         planner: planner(source, is_recorded),
-        view: ViewLimits { sensor_radius: source.any(10.0, 100.0), occlusion: source.chance(100) },
+        view: ViewLimits {
+            sensor_radius: source.any(10.0, 100.0),
+            occlusion: source.chance(100),
+            ..ViewLimits::default()
+        },
         rules: RulesSettings::default(),
         v2x: source.chance(60).then(|| source.chance(200)),
     })

@@ -121,6 +121,25 @@ fn the_next_plan_is_followed_from_its_own_time_on() {
 }
 
 #[test]
+fn an_agent_that_does_not_look_goes_on_with_its_plan_to_its_end() {
+    // It looks away from 0.1 s to 0.4 s; a plan of three points is driven for two steps.
+    let view = ViewLimits { inattentive_from: 0.1, inattentive_for: 0.3, ..ViewLimits::default() };
+    for (points, expected) in [(6_i32, [20.5, 21.0, 21.5, 22.0, 22.9]), (3, [20.5, 21.0, 21.7, 22.4, 23.3])] {
+        let mut world = world(vec![Agent { view, ..agent(1, at(20.0, 0.0, 10.0), vec![far()]) }], &[]);
+        for (step, expected) in expected.into_iter().enumerate() {
+            let now = state(&world, 1).expect("it drives");
+            let pace = [0.5, 0.6, 0.7, 0.8, 0.9][step];
+            let mut plans = Plans::none(world.time_step(), world.driving(), points as usize);
+            let plan: Vec<State> = (0..points).map(|k| State { x: now.x + pace * f64::from(k), ..now }).collect();
+            plans.set_row(1, &plan).expect("it drives");
+            world.step(&plans).expect("good plans");
+            let x = state(&world, 1).expect("it drives").x;
+            assert!((x - expected).abs() < 1e-9, "{x}, not {expected}, {points} points, step {step}");
+        }
+    }
+}
+
+#[test]
 fn agents_and_recorded_ones_come_and_go_at_their_times() {
     let late = Agent { start_time_step: 2, ..agent(3, at(20.0, 0.0, 10.0), vec![far()]) };
     let passing = Recorded::moving(7, [None, Some(at(60.0, 3.5, 0.0)), Some(at(60.0, 3.5, 0.0)), None]);
