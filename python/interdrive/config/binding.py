@@ -145,14 +145,18 @@ def _written(owner: object) -> str:
 
 
 def _leaves(instance: DataclassInstance, prefix: str) -> Iterator[tuple[str, DataclassInstance, str]]:
-    for item in fields(instance):
-        if not item.init:
-            continue  # state of a planner is not a setting
-        value = getattr(instance, item.name)
-        if is_dataclass(value) and not isinstance(value, type):
-            yield from _leaves(value, f"{prefix}{item.name}.")
+    for name in _settings_of(type(instance)):
+        value = getattr(instance, name)
+        if hasattr(type(value), "__dataclass_fields__"):
+            yield from _leaves(value, f"{prefix}{name}.")
         else:
-            yield f"{prefix}{item.name}", instance, item.name
+            yield f"{prefix}{name}", instance, name
+
+
+@cache
+def _settings_of(kind: type[DataclassInstance]) -> tuple[str, ...]:
+    """Names of the fields of a dataclass that are settings; the state of a planner is none."""
+    return tuple(item.name for item in fields(kind) if item.init)
 
 
 def _plain(value: object) -> object:

@@ -123,8 +123,9 @@ class Resolved:
         """
         source, values, known = self.source, dict(self.settings), True
         if self.native is not None:
-            base = flatten(_usual(self.native, self.kind, usual))
-            values = {name: value for name, value in self.values.items() if value != base[name]}
+            record = _usual(self.native, self.kind, usual)
+            base = {} if source == record else flatten(record)
+            values = {name: value for name, value in self.values.items() if value != base[name]} if base else {}
         elif not isinstance(source, str):
             owner = source if isinstance(source, type) or hasattr(source, "__qualname__") else type(source)
             known = self._is_found(owner)
