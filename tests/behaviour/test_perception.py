@@ -18,9 +18,7 @@ STEPS, DT = 80, 0.1
 
 def leader_brakes(at=2.0, braking=6.0):
     """Car 2 brakes so long after the beginning [s], so hard [m/s²], down to 2 m/s."""
-    scenario = world(
-        straight_road(400.0), cars=[Car(1, 20.0, velocity=12.0), Car(2, 50.0, velocity=12.0)], steps=STEPS
-    )
+    scenario = world(straight_road(400.0), cars=[Car(1, 20.0, velocity=12.0), Car(2, 50.0, velocity=12.0)], steps=STEPS)
     obstacles = scenario.obstacles
     x, velocity, acceleration = obstacles.x.copy(), obstacles.velocity.copy(), obstacles.acceleration.copy()
     time = np.arange(x.shape[1]) * DT
@@ -41,9 +39,7 @@ def speed(run):
 
 @pytest.mark.parametrize("planner", ["idm", "rollout"])
 def test_who_does_not_look_goes_on_with_its_plan_and_then_brakes_the_harder(planner):
-    attentive, lapse = (
-        speed(drive(view, planner)) for view in ({}, {"inattentive_from": 1.5, "inattentive_for": 2.0})
-    )
+    attentive, lapse = (speed(drive(view, planner)) for view in ({}, {"inattentive_from": 1.5, "inattentive_for": 2.0}))
     assert np.array_equal(lapse[:15], attentive[:15])
     assert lapse[34] > attentive[34] + 1.0, "m/s, after 1.4 s of braking that it did not see"
     braking = [-np.nanmin(np.diff(one)) / DT for one in (attentive, lapse)]

@@ -22,13 +22,13 @@ import interdrive as idr
 from interdrive import InputError, ResultsError
 from interdrive.cli import main
 from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, keeping, replay
+from interdrive.failure_search.disturbances import Disturbance, Error
 from interdrive.failure_search.disturbed_worlds import disturbed, implausible
 from interdrive.failure_search.evaluation import Drivers, drive_of, in_disturbed, judged
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
-from interdrive.failure_search.disturbances import Disturbance, Error
 from interdrive.failure_search.spaces import disturbance, undisturbed
 from interdrive.failure_search.trials import Setup, Trial
 from interdrive.native_settings import RoadSettings
@@ -406,9 +406,7 @@ def test_one_vehicle_does_not_look_for_a_while_and_the_agent_perceives_others_wi
     assert way.agents == (AGENT, LEADER), "it drives by a planner"
     wrong = {"perception": 0.2, "delay": 1.0, "speed_error": 0.5, "error_seed": 0.5}
     change = disturbance(space, "idm", pair, list({**point, **wrong}.values()))
-    assert change.words() == (
-        "the agent perceives others 0.30 s late; the agent perceives speeds with errors of 5.0%"
-    )
+    assert change.words() == ("the agent perceives others 0.30 s late; the agent perceives speeds with errors of 5.0%")
     way = in_disturbed(drive_of(scenario(), AGENT, Drivers("idm", "idm", "lane_following")), change)
     assert way.planners[AGENT] == "idm,view.delay=0.3,view.speed_error=0.05,view.error_seed=2147483647"
     assert disturbance(space, "idm", pair, list({**point, **wrong, "perception": 0.3}.values())).perception == {}

@@ -99,6 +99,8 @@ class Disturbance:
         if self.loss is not None:
             said.append(f"{100.0 * self.loss:.0f} % of messages are lost")
         said += [
-            f"the agent {_PERCEPTION[name].format(value)}" for name, value in self.perception.items() if name in _PERCEPTION
+            f"the agent {_PERCEPTION[name].format(value)}"
+            for name, value in self.perception.items()
+            if name in _PERCEPTION
         ]
         return "; ".join(said) or "nothing is disturbed"

@@ -89,7 +89,9 @@ class Drive:
             own = f"{own},view.sensor_radius={self.sight!r}"
         if self.occluded and "view.occlusion" not in own:
             own = f"{own},view.occlusion=true"
-        own += "".join(f",view.{name}={value!r}" for name, value in self.perception.items() if f"view.{name}" not in own)
+        own += "".join(
+            f",view.{name}={value!r}" for name, value in self.perception.items() if f"view.{name}" not in own
+        )
         found: dict[int | str, Any] = {self.agent_id: own}
         found.update(self.others.items())
         return found
@@ -236,9 +238,7 @@ def in_disturbed(drive: Drive, change: Disturbance) -> Drive:
     lost = {} if change.loss is None else {"v2x.loss": f"{change.loss!r}"}
     settings = {**drive.settings, **lost}
     sight, occluded, perception = change.sight, change.occluded, change.perception
-    found = replace(
-        drive, others=others, sight=sight, occluded=occluded, settings=settings, perception=perception
-    )
+    found = replace(drive, others=others, sight=sight, occluded=occluded, settings=settings, perception=perception)
     error = change.error
     if error is None or error.who not in others:
         return found

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from interdrive.failure_search.allocation import Proposal
+    from interdrive.failure_search.disturbances import Pair
     from interdrive.failure_search.keeping import Kept
     from interdrive.failure_search.search_folder import SearchFolder
-    from interdrive.failure_search.disturbances import Pair
     from interdrive.failure_search.trials import Setup
 
 

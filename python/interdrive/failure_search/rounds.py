@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from interdrive.batches.pool import End
     from interdrive.failure_search.allocation import Proposal
     from interdrive.failure_search.backends import Backend
-    from interdrive.failure_search.record import Record
     from interdrive.failure_search.disturbances import Pair
+    from interdrive.failure_search.record import Record
 
 
 @dataclass(frozen=True)

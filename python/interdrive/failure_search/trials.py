@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Floats
     from interdrive.failure_search.allocation import Proposal
-    from interdrive.failure_search.evaluation import Drive, Drivers, Judged
     from interdrive.failure_search.disturbances import Disturbance, Pair
+    from interdrive.failure_search.evaluation import Drive, Drivers, Judged
     from interdrive.failure_search.spaces import Space
     from interdrive.scenario import Scenario
 
