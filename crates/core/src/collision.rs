@@ -152,18 +152,24 @@ pub fn find_contacts<'a>(
     /// Up to so many pairs are tried one by one.
     const PAIRS_MAX: usize = 2048;
     let ContactMemory { boxes, wanted, order, found } = memory;
-    boxes.clear();
-    boxes.extend((0..n).map(|i| swept_box(&mover(i))));
+    found.clear();
     wanted.clear();
     wanted.extend((0..n).filter(|i| is_wanted(*i)));
-    found.clear();
+    if wanted.is_empty() {
+        return;
+    }
+    let are_few = wanted.len() * n <= PAIRS_MAX;
+    // Where every pair is tried anyway, a wide box that is made at once is worth more than a narrow one.
+    let swept = if are_few { wide_box } else { narrow_box };
+    boxes.clear();
+    boxes.extend((0..n).map(|i| swept(&mover(i))));
     let mut look = |i: usize, j: usize| {
         if boxes[i].overlaps(&boxes[j]) {
             let (a, b) = (mover(i), mover(j));
             found.extend(first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to).map(|fraction| (i, j, fraction)));
         }
     };
-    if wanted.len() * n <= PAIRS_MAX {
+    if are_few {
         for &i in wanted.iter() {
             (0..i).filter(|j| !is_wanted(*j)).for_each(|j| look(j, i));
             (i + 1..n).for_each(|j| look(i, j));
@@ -188,12 +194,24 @@ pub fn find_contacts<'a>(
 }
 
 /// Axis-aligned box around everything the body covers during the step, however it turns.
-fn swept_box(mover: &Mover<'_>) -> Aabb {
+fn wide_box(mover: &Mover<'_>) -> Aabb {
     // What stands may be long, such as a wall.
     if mover.from == mover.to {
         return mover.shape.aabb(mover.from).grown(CONTACT_DISTANCE);
     }
     Aabb::around([mover.from.position, mover.to.position]).grown(mover.shape.bounding_radius() + CONTACT_DISTANCE)
+}
+
+/// Axis-aligned box around the body at both ends of the step and everything it covers in between.
+fn narrow_box(mover: &Mover<'_>) -> Aabb {
+    let start = mover.shape.aabb(mover.from);
+    if mover.from == mover.to {
+        return start.grown(CONTACT_DISTANCE);
+    }
+    // Seen from the straight motion of the body origin, a turning point leaves its chord by the height of the arc.
+    let turn = wrap_angle(mover.to.orientation - mover.from.orientation);
+    let bulge = if turn == 0.0 { 0.0 } else { mover.shape.bounding_radius() * (1.0 - (0.5 * turn).cos()) };
+    start.union(mover.shape.aabb(mover.to)).grown(bulge + CONTACT_DISTANCE)
 }
 
 /// Earliest fraction of the step at which the road does not admit the vehicle, examined every 0.25 m of motion and at

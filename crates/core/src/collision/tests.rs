@@ -162,24 +162,67 @@ fn random_motions_agree_with_dense_sampling() {
     assert!(counts.iter().all(|n| *n > 200), "{counts:?}: the sample must hold both cases");
 }
 
+/// Contacts of those of which one is wanted, by trying all pairs.
+fn contacts_by_trying(movers: &[Mover<'_>], is_wanted: impl Fn(usize) -> bool) -> Vec<(usize, usize, f64)> {
+    let mut found = Vec::new();
+    for (i, a) in movers.iter().enumerate() {
+        for (j, b) in movers.iter().enumerate().skip(i + 1).filter(|(j, _)| is_wanted(i) || is_wanted(*j)) {
+            let contact = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
+            found.extend(contact.map(|fraction| (i, j, fraction)));
+        }
+    }
+    found
+}
+
 #[test]
 fn the_broad_phase_finds_what_trying_all_pairs_finds_in_ascending_order() {
-    let shapes = shapes();
-    for (seed, half_size, wanted) in [(1, 10.0, 2), (2, 40.0, 20), (3, 120.0, 80)] {
+    // A body without parts is nowhere.
+    let shapes: Vec<_> = shapes().into_iter().chain([Shape::group(Vec::new())]).collect();
+    let mut memory = ContactMemory::default();
+    // Bodies, half the side of their square [m], and which one of so many is wanted: few are tried one by one in boxes
+    // that hold them however they turn, many are sorted by narrow boxes; 20 and 25 of 100 are on both sides of that.
+    for (seed, n, half_size, every) in [
+        (1, 80, 10.0, 40),
+        (2, 80, 40.0, 4),
+        (3, 80, 120.0, 1),
+        (4, 100, 30.0, 5),
+        (5, 100, 30.0, 4),
+        (6, 100, 60.0, 1),
+    ] {
         let mut random = Lcg::new(seed);
-        let mut movers: Vec<Mover> = (0..80).map(|_| random_mover(&mut random, &shapes, half_size)).collect();
+        let mut movers: Vec<Mover> = (0..n).map(|_| random_mover(&mut random, &shapes, half_size)).collect();
         movers[3].to = movers[3].from;
-        // Every so many, so that few are tried one by one and many by sorting.
-        let is_wanted = |i: usize| i.is_multiple_of(80 / wanted);
-        let mut expected = Vec::new();
-        for (i, a) in movers.iter().enumerate() {
-            for (j, b) in movers.iter().enumerate().skip(i + 1).filter(|(j, _)| is_wanted(i) || is_wanted(*j)) {
-                let found = first_contact(a.shape, a.from, a.to, b.shape, b.from, b.to);
-                expected.extend(found.map(|fraction| (i, j, fraction)));
-            }
-        }
+        let is_wanted = |i: usize| i.is_multiple_of(every);
+        let expected = contacts_by_trying(&movers, is_wanted);
         assert!(!expected.is_empty());
-        assert_eq!(contacts(&movers, is_wanted), expected);
+        find_contacts(n, |i| movers[i], is_wanted, &mut memory);
+        assert_eq!(memory.found, expected, "{n} bodies, one of {every}");
+        // What was found before is forgotten where nobody is wanted.
+        find_contacts(n, |i| movers[i], |_| false, &mut memory);
+        assert_eq!(memory.found, []);
+    }
+}
+
+#[test]
+fn both_boxes_hold_what_a_body_covers_and_narrow_ones_little_more() {
+    let (shapes, mut random) = (shapes(), Lcg::new(9));
+    let holds = |outer: &Aabb, inner: &Aabb| {
+        outer.min.x <= inner.min.x + 1e-9
+            && outer.min.y <= inner.min.y + 1e-9
+            && outer.max.x >= inner.max.x - 1e-9
+            && outer.max.y >= inner.max.y - 1e-9
+    };
+    for round in 0..500 {
+        let mover = random_mover(&mut random, &shapes, 6.0);
+        let (motion, narrow, wide) = (RigidMotion::new(mover.from, mover.to), narrow_box(&mover), wide_box(&mover));
+        for look in 0..=20 {
+            let covered = mover.shape.aabb(motion.pose_at(f64::from(look) / 20.0));
+            assert!(holds(&narrow, &covered) && holds(&wide, &covered), "{round}: {covered:?}");
+        }
+        let least = mover.shape.aabb(mover.from).union(mover.shape.aabb(mover.to));
+        let turn = wrap_angle(mover.to.orientation - mover.from.orientation);
+        let arc = mover.shape.bounding_radius() * (1.0 - (0.5 * turn).cos());
+        assert!(holds(&least.grown(arc + 2.0 * CONTACT_DISTANCE), &narrow), "{round}: wider than the arc");
     }
 }
 
