@@ -1,5 +1,7 @@
 """What can be observed besides the usual numbers: road edges, predictions, a picture from above."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -48,6 +50,50 @@ def test_a_car_ahead_is_expected_and_drawn_where_it_drives():
     np.testing.assert_allclose((72.0 - now[0]) * 0.75, 30.0, atol=0.4)
     np.testing.assert_allclose((72.0 - before[0]) * 0.75, 25.0, atol=0.4)
     np.testing.assert_allclose([now[1], before[1]], 48.0, atol=0.5)
+
+
+def traffic_of_all_sorts():
+    """Cars that enter, leave, stand and hardly move, and one whose speed is stated 5 m/s higher than it moves."""
+    cars = [
+        Car(7, 50.0, 0.0, 10.0),
+        Car(8, 70.0, 3.5, 6.0, first=4, last=20),
+        Car(9, 90.0, 3.5),
+        Car(11, 30.0, 3.5, 12.0, last=15),
+        Car(12, 22.0, 3.5, 0.5, first=9),
+    ]
+    start = problem(1, 20.0, velocity=10.0, goal=(200.0, 0.0), time_step=(1, 300))
+    made = world(straight_road(400.0, lanes=2), problems=[start], cars=cars)
+    stated = made.obstacles.velocity.copy()
+    stated[0] += 5.0
+    return replace(made, obstacles=replace(made.obstacles, velocity=stated))
+
+
+@pytest.mark.parametrize("scenario", [traffic_of_all_sorts(), "t_junction", "signals"])
+@pytest.mark.parametrize("sensor_radius", [35.0, 80.0])
+@pytest.mark.parametrize("scene", ["observation.raster", "observation.predictions"])
+def test_others_are_seen_alike_whether_or_not_a_scene_is_made_for_pictures_and_predictions(
+    scenario, sensor_radius, scene
+):
+    several = {} if isinstance(scenario, str) else {"learners": [1]}
+    seen = {"simulation.view.sensor_radius": sensor_radius}
+    without, with_scene = (
+        envs.Rows(1, scenarios=scenario, slots=4, seed=1, **several, **seen, **more) for more in ({}, {scene: True})
+    )
+    # Predictions come last.
+    n, rng = without.observations.shape[1], np.random.default_rng(0)
+    assert (without.reset() == with_scene.reset()[:, :n]).all()
+    for _ in range(30):
+        actions = (rng.uniform(-1, 1, without.actions.shape) * (0.5, 0.05)).astype(np.float32)
+        np.testing.assert_array_equal(without.step(actions), with_scene.step(actions)[:, :n])
+        np.testing.assert_array_equal(without.rewards, with_scene.rewards)
+
+
+def test_a_stated_speed_that_contradicts_the_motion_is_not_observed():
+    env = envs.DriveEnv(scenarios=traffic_of_all_sorts(), learners=[1], **{"observation.form": "dict"})
+    seen = [one["partners"] for one in coasted(env, 4)]
+    # In its own lane; from the first state alone nobody can tell.
+    speeds = [40.0 * partners[np.abs(partners[:, 1] - 30.0 / 80.0) < 1e-3, 5] for partners in seen]
+    np.testing.assert_allclose(np.ravel(speeds), [15.0, 10.0, 10.0, 10.0, 10.0], atol=1e-3)
 
 
 def test_nothing_is_drawn_half_a_second_ago_before_there_was_one():

@@ -12,31 +12,42 @@ from interdrive import envs
 
 STORED = Path(__file__).with_name("stored_steps.npz")
 SCENARIOS = ("t_junction", "intersection", "lane_merge", "highway", "signals")
+#: Where the blocks of an observation begin: ego, goal, route, partners.
+BLOCKS = (0, 16, 28, 156)
+#: Every so many steps whole observations are stored, too.
+WHOLE_EVERY = 40
 
 
 def told(scenario, steps=80):
-    """What learners are told in some steps: a weighted sum of every observation, rewards, outcomes."""
+    """What learners are told: a weighted sum of each block, in some steps all of it; whose row, rewards, outcomes."""
     rows = envs.Rows(2, slots=6, scenarios=scenario, start="random")
     rows.reset(5)
     rng = np.random.default_rng(1)
     weights = rng.uniform(0.5, 1.5, rows.observations.shape[1])
-    found = []
-    for _ in range(steps):
+    found = {name: [] for name in ("blocks", "whole", "agent_ids", "rewards", "outcomes")}
+    for step in range(steps):
         # Half of the pedal and a twentieth of the wheel, so that some episodes last.
         rows.step((rng.uniform(-1, 1, rows.actions.shape) * (0.5, 0.05)).astype(np.float32))
-        found.append((rows.observations @ weights, rows.rewards.astype(float), rows.outcomes.astype(float)))
-    return np.array(found)
+        found["blocks"].append(np.add.reduceat(rows.observations * weights, BLOCKS, axis=1))
+        found["agent_ids"].append(np.where(rows.masks, rows.agent_ids, -1))
+        found["rewards"].append(rows.rewards.copy())
+        found["outcomes"].append(rows.outcomes.copy())
+        if step % WHOLE_EVERY == 0:
+            found["whole"].append(rows.observations.copy())
+    return {name: np.array(one) for name, one in found.items()}
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_learners_are_told_what_they_were_told_when_the_steps_were_stored(scenario):
     with np.load(STORED) as stored:
-        observed, rewards, outcomes = stored[scenario].swapaxes(0, 1)
-    now_observed, now_rewards, now_outcomes = told(scenario).swapaxes(0, 1)
-    np.testing.assert_array_equal(now_outcomes, outcomes)
-    np.testing.assert_allclose(now_rewards, rewards, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(now_observed, observed, rtol=0, atol=1e-6)
+        then = {name: stored[f"{scenario}.{name}"] for name in ("blocks", "whole", "agent_ids", "rewards", "outcomes")}
+    now = told(scenario)
+    for name in ("agent_ids", "outcomes"):
+        np.testing.assert_array_equal(now[name], then[name])
+    for name in ("rewards", "blocks", "whole"):
+        np.testing.assert_allclose(now[name], then[name], rtol=0, atol=1e-6)
 
 
 if __name__ == "__main__":
-    np.savez_compressed(STORED, **{scenario: told(scenario) for scenario in SCENARIOS})
+    arrays = {f"{scenario}.{name}": one for scenario in SCENARIOS for name, one in told(scenario).items()}
+    np.savez_compressed(STORED, **arrays)
