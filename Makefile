@@ -227,11 +227,11 @@ versions: .venv-oldest/.installed ## drives, saves, reads, judges and draws with
 learning: .venv-rl/.installed ## tests of environments in Stable-Baselines3: its checker, its algorithm
 	.venv-rl/bin/python -m pytest -q --durations=8 tests/learning
 
-learn: .venv-rl/.installed ## trains the policy of docs/research/learning.md, for up to 10 minutes on two cores
-	.venv-rl/bin/python scenarios/varied.py out/varied --number 40
-	.venv-rl/bin/python scenarios/varied.py out/unseen --number 12 --seed 10000
-	.venv-rl/bin/python examples/rl/ppo.py --out out/ppo --scenarios out/varied
-	.venv-rl/bin/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(STORED) --yielding out/unseen
+learn: $(VENV)/.optimised ## trains the policy of docs/research/learning.md, for up to 10 minutes on two cores
+	$(BIN)/python scenarios/varied.py out/varied --number 40
+	$(BIN)/python scenarios/varied.py out/unseen --number 12 --seed 10000
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python examples/rl/ppo.py --out out/ppo --scenarios out/varied
+	$(BIN)/python examples/rl/compare.py out/ppo/policy.safetensors --unseen $(STORED) --yielding out/unseen
 
 train: .venv-training/.installed ## makes the weights of the neural predictor anew; see training/README.md
 	.venv-training/bin/python -m training

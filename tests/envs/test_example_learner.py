@@ -1,4 +1,4 @@
-"""The example trains a network whose file says what the network said."""
+"""The example of learning: gradients, a network whose file says what it said, the same seed, and that it learns."""
 
 import importlib.util
 import sys
@@ -6,22 +6,77 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from safetensors.numpy import load_file
 
 from interdrive import simulate
 
-ROOT = Path(__file__).parents[2]
+EXAMPLES = Path(__file__).parents[2] / "examples/rl"
+
+
+def loaded(name, monkeypatch):
+    """A module of the example."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, name, module)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture
-def ppo(monkeypatch):
-    spec = importlib.util.spec_from_file_location("ppo", ROOT / "examples/rl/ppo.py")
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "ppo", module)
-    spec.loader.exec_module(module)
+def policies(monkeypatch):
+    return loaded("policy", monkeypatch)
+
+
+@pytest.fixture
+def ppo(policies, monkeypatch):
+    module = loaded("ppo", monkeypatch)
     monkeypatch.setattr(module, "SCENARIOS", ["lane_merge"])
     return module
+
+
+def test_the_gradient_is_that_of_the_loss(ppo, policies):
+    rng = np.random.default_rng(0)
+    policy = policies.Policy(12, 2, rng)
+    # In double precision differences are exact enough.
+    policy.parameters = policy.parameters + 0.1 * rng.standard_normal(len(policy.parameters))
+    x, actions = rng.standard_normal((50, 12)), 0.3 * rng.standard_normal((50, 2))
+    gains, returns = rng.standard_normal((2, 50))
+
+    def likelihood():
+        off = (actions - policy.forward(x).mean) / np.exp(policy.parts(policy.parameters)["log_std"])
+        return policy.log_probability(off)
+
+    # Some have become so likely or unlikely that they count no longer.
+    before = likelihood() + 0.3 * rng.standard_normal(50)
+
+    def loss():
+        ratio = np.exp(likelihood() - before)
+        gained = np.minimum(ratio * gains, ratio.clip(1 - ppo.CLIP, 1 + ppo.CLIP) * gains).mean()
+        error = np.mean((policy.forward(x).value - returns) ** 2)
+        return ppo.VALUE * error - gained - ppo.ENTROPY * policy.parts(policy.parameters)["log_std"].sum()
+
+    gradient = ppo.gradient_of_loss(policy, x, actions, before, gains, returns)
+    start = policy.parameters
+    for name, part in policy.parts(np.arange(len(start))).items():
+        # Along some direction within each part of the parameters.
+        direction = np.zeros(len(start))
+        direction[part.ravel()] = rng.standard_normal(part.size)
+        direction *= 1e-5 / np.linalg.norm(direction)
+        sides = []
+        for sign in (1, -1):
+            policy.parameters = start + sign * direction
+            sides.append(loss())
+        assert (sides[0] - sides[1]) / 2 == pytest.approx(gradient @ direction, rel=1e-3, abs=1e-12), name
+
+
+def test_observations_of_several_batches_have_the_mean_and_spread_of_all(policies):
+    rng = np.random.default_rng(1)
+    policy = policies.Policy(5, 2, rng)
+    batches = [rng.normal(3.0, (0.5, 1, 2, 4, 8), (n, 5)).astype(np.float32) for n in (400, 100, 900)]
+    for batch in batches:
+        policy.watch(*policy.watched(policy.inputs(batch)))
+    np.testing.assert_allclose(policy.center, np.concatenate(batches).mean(0), rtol=1e-4)
+    np.testing.assert_allclose(policy.spread, np.concatenate(batches).std(0), rtol=1e-4)
 
 
 def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
@@ -29,14 +84,13 @@ def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
     assert curve[-1]["steps"] >= 6000
     assert {"goal_reached", "collision", "return"} <= curve[-1].keys()
     file = tmp_path / "policy.safetensors"
-    ppo.export(policy, file)
+    policy.export(file)
     weights = load_file(file)
     observations = np.random.default_rng(0).uniform(-1, 1, (100, 324)).astype(np.float32)
     x = observations
     for i in range(2):
         x = np.tanh(x @ weights[f"hidden.{i}.weight"].T + weights[f"hidden.{i}.bias"])
-    with torch.no_grad():
-        expected = policy(torch.from_numpy(observations))[0].numpy()
+    expected = policy.forward(policy.inputs(observations)).mean
     np.testing.assert_allclose(x @ weights["action.weight"].T + weights["action.bias"], expected, atol=1e-5)
     run = simulate("lane_merge", agents="all", planner=f"policy,file={file}")
     assert "planner_error" not in run.outcomes.outcome
