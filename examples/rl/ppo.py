@@ -100,17 +100,17 @@ class Fleet:
     """
 
     def __init__(self, seed: int, **settings: object) -> None:
+        # Both halves of the worlds write halves of the same arrays, of shapes that a single world tells.
+        one = envs.Rows(1, slots=1, keep_final=True, **{**settings, "scenarios": SCENARIOS[0]})
+        shapes = {name: getattr(one, name) for name in ARRAYS}
+        self.arrays = {
+            name: np.zeros((WORLDS * SLOTS, *array.shape[1:]), array.dtype) for name, array in shapes.items()
+        }
+        parts = [{name: np.split(array, 2)[i] for name, array in self.arrays.items()} for i in range(2)]
         of = {"num_worlds": WORLDS // 2, "slots": SLOTS, "keep_final": True, **settings}
-        kinds = ((0, "first"), (1000, "random"))
-        made = [envs.Rows(seed=seed + i, sampler=Mixed(), start=start, **of) for i, start in kinds]
-        # Both write halves of the same arrays.
-        self.arrays = {name: np.concatenate([getattr(rows, name) for rows in made]) for name in ARRAYS}
-        parts = [
-            dict(zip(self.arrays, half, strict=True)) for half in zip(*map(halves, self.arrays.values()), strict=True)
-        ]
         self.halves = [
-            envs.Rows(seed=seed + i, sampler=Mixed(), start=start, buf=buf, **of)
-            for (i, start), buf in zip(kinds, parts, strict=True)
+            envs.Rows(seed=seed + i, sampler=Mixed(), start=start, buf=part, **of)
+            for (i, start), part in zip(((0, "first"), (1000, "random")), parts, strict=True)
         ]
         for rows in self.halves:
             rows.reset()
@@ -123,11 +123,6 @@ class Fleet:
             if rows.terminals.any() or rows.truncations.any():
                 ended += rows.infos()
         return ended
-
-
-def halves(array: np.ndarray) -> list[np.ndarray]:
-    """The rows of the one and of the other, as views."""
-    return np.split(array, 2)
 
 
 def collect(fleet: Fleet, policy: Policy, batch: Batch, rng: np.random.Generator) -> list[dict[str, object]]:

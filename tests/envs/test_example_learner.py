@@ -31,6 +31,7 @@ def policies(monkeypatch):
 def ppo(policies, monkeypatch):
     module = loaded("ppo", monkeypatch)
     monkeypatch.setattr(module, "SCENARIOS", ["lane_merge"])
+    monkeypatch.setattr(module, "WORLDS", 6)
     return module
 
 
@@ -80,8 +81,8 @@ def test_observations_of_several_batches_have_the_mean_and_spread_of_all(policie
 
 
 def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
-    policy, curve = ppo.train(seconds=60.0, most_steps=6000, seed=0, threads=1)
-    assert curve[-1]["steps"] >= 6000
+    policy, curve = ppo.train(seconds=60.0, most_steps=1500, seed=0, threads=1)
+    assert curve[-1]["steps"] >= 1500
     assert {"goal_reached", "collision", "return"} <= curve[-1].keys()
     file = tmp_path / "policy.safetensors"
     policy.export(file)
@@ -96,6 +97,7 @@ def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
     assert "planner_error" not in run.outcomes.outcome
 
 
-def test_training_with_the_same_seed_gives_the_same_curve(ppo):
-    curves = [ppo.train(seconds=60.0, most_steps=4000, seed=1, threads=1)[1] for _ in range(2)]
-    assert [entry["return"] for entry in curves[0]] == [entry["return"] for entry in curves[1]]
+def test_training_with_the_same_seed_gives_the_same_policy_with_any_number_of_threads(ppo):
+    trained = [ppo.train(seconds=60.0, most_steps=1500, seed=1, threads=threads) for threads in (1, 2)]
+    assert all(len(curve) > 1 for _, curve in trained)  # so there was an update
+    np.testing.assert_array_equal(*[policy.parameters for policy, _ in trained])
