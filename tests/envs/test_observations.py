@@ -96,6 +96,17 @@ def test_a_stated_speed_that_contradicts_the_motion_is_not_observed():
     np.testing.assert_allclose(np.ravel(speeds), [15.0, 10.0, 10.0, 10.0, 10.0], atol=1e-3)
 
 
+def test_what_is_written_into_a_row_of_nobody_is_gone_after_the_next_reset_at_the_latest():
+    rows = envs.Rows(1, slots=3, scenarios="t_junction", learners=1)
+    rows.reset()
+    # Looked at in every step are only the numbers about the observer, with which every observation begins.
+    rows.observations[1:, 15] = 7.0
+    assert not rows.step()[1:].any()
+    rows.observations[1:, 16:] = 7.0
+    rows.step()
+    assert not rows.reset()[1:].any()
+
+
 def test_nothing_is_drawn_half_a_second_ago_before_there_was_one():
     seen = coasted(on_a_road([Car(7, 50.0, 0.0, 10.0)], **{"observation.raster": True}), 5)
     drawn = [bool(one["raster"][3].any()) for one in seen]
