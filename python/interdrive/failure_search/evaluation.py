@@ -20,7 +20,7 @@ from interdrive.simulation import Simulation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.array_types import Ints
+    from interdrive.array_types import Bools, Ints
     from interdrive.failure_search.disturbances import Disturbance
     from interdrive.run import States
     from interdrive.runs import Run
@@ -188,16 +188,34 @@ def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
         length = 0.5 * float(states.length[row] + states.length[other])
         if _boxes_apart(states, (row, own), (other, there)) > _DISTANCE_MAX + length:
             continue  # it neither used the same ground nor counts as near
-        apart = np.hypot(
-            states.x[row, own][:, None] - states.x[other, there],
-            states.y[row, own][:, None] - states.y[other, there],
-        )
-        elapsed = np.abs(own[:, None] - there[None, :]) * run.scenario.dt
         width = 0.5 * float(states.width[row] + states.width[other])
-        gap = min(gap, float(elapsed[apart <= width].min(initial=math.inf)))
-        distance = min(distance, float(apart[elapsed < 0.5 * run.scenario.dt].min(initial=math.inf)) - length)
+        gap = min(gap, run.scenario.dt * _steps_between(states, (row, own), (other, there), width))
+        both = np.intersect1d(own, there, assume_unique=True)
+        apart = np.hypot(states.x[row, both] - states.x[other, both], states.y[row, both] - states.y[other, both])
+        distance = min(distance, float(apart.min(initial=math.inf)) - length)
     near = min(max(distance, 0.0), _DISTANCE_MAX)
     return straight + _GAP_WEIGHT * min(gap / _GAP_SCALE, 1.0) + _DISTANCE_WEIGHT * near
+
+
+def _steps_between(states: States, one: tuple[int, Ints], other: tuple[int, Ints], width: float) -> float:
+    """Fewest time steps between one participant and another one within a distance of the same place [m]; inf: never."""
+    (row, own), (column, there) = one, other
+    # Who is outside the box around the other's way is not near it.
+    own = own[_in_box(states, (row, own), (column, there), width)]
+    there = there[_in_box(states, (column, there), (row, own), width)]
+    x, y = (table[row, own][:, None] - table[column, there] for table in (states.x, states.y))
+    steps = np.abs(own[:, None] - there)[np.hypot(x, y) <= width]
+    return float(steps.min()) if len(steps) else math.inf
+
+
+def _in_box(states: States, one: tuple[int, Ints], other: tuple[int, Ints], margin: float) -> Bools:
+    """Which states of a participant are in the box around those of another one, grown by a margin [m]."""
+    inside: Bools = np.ones(len(one[1]), dtype=np.bool_)
+    for table in (states.x, states.y):
+        values, others = table[one], table[other]
+        low, high = others.min(initial=math.inf), others.max(initial=-math.inf)
+        inside &= (values >= low - margin) & (values <= high + margin)
+    return inside
 
 
 def _boxes_apart(states: States, one: tuple[int, Ints], other: tuple[int, Ints]) -> float:
