@@ -200,10 +200,11 @@ def agent_configs(
     found: dict[int, AgentConfig] = {}
     notes = []
     for agent in agents:
-        choice, wanted = _choice(config, own, agent, recorded)
         generated = (drivers or {}).get(agent.id)
         if generated is not None:
             choice, wanted = _of_driver(config, generated), ""
+        else:
+            choice, wanted = _choice(config, own, agent, recorded)
         if wanted:
             notes.append(f"agent {agent.id} has no recording for planner {wanted}: {DEFAULT_PLANNER} drives it")
         try:
@@ -227,7 +228,7 @@ def _of_driver(config: RunConfig, driver: Driver) -> AgentChoice:
     name = SETTINGS.get(native, {}).get("time_gap")
     if name is not None and driver.time_gap is not None:
         own[name] = driver.time_gap
-    if native in _SLOW_IN_BENDS and choice.planner.values == flatten(RECORDS[native]()):
+    if native in _SLOW_IN_BENDS and choice.planner.source == RECORDS[native]():
         own["lateral_acceleration"] = _LATERAL
     if own:
         source = bind(cast("Any", choice.planner.source), own)
@@ -375,6 +376,6 @@ def _record(name: str, base: Record, given: object) -> Record:
         what = "a view" if name == "view" else name
         raise InputError(f"{what} must be {type(base).__name__} or a mapping of its fields, not {given!r}")
     try:
-        return bind(base, given)
+        return bind(base, given) if given else base
     except InputError as error:
         raise InputError(f"{name}.{error.location}", error.message) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +30,19 @@ def _mixed(z: _Words) -> _Words:
     return mixed
 
 
+@lru_cache(maxsize=1024)
+def _word(word: int) -> _Words:
+    return _mixed(np.array([word], dtype=np.int64).view(np.uint64))
+
+
+@lru_cache(maxsize=1024)
+def _begin(seed: int, what: int, lane: int) -> _Words:
+    found = _mixed(np.array([seed], dtype=np.uint64))
+    for word in (_TRAFFIC, what, lane):
+        found = _mixed(found ^ _word(word))
+    return found
+
+
 def uniform(seed: int, what: int, lane: int, number: Ints | int, *more: int) -> Floats:
     """Numbers in [0, 1) that are determined by the arguments alone.
 
@@ -41,12 +55,9 @@ def uniform(seed: int, what: int, lane: int, number: Ints | int, *more: int) -> 
     """
     numbers = np.atleast_1d(np.asarray(number, dtype=np.int64)).view(np.uint64)
     with np.errstate(over="ignore"):
-        found = np.broadcast_to(_mixed(np.array([seed], dtype=np.uint64)), numbers.shape)
-        for word in (_TRAFFIC, what, lane):
-            found = _mixed(found ^ _mixed(np.array([word], dtype=np.int64).view(np.uint64)))
-        found = _mixed(found ^ _mixed(numbers))
+        found = _mixed(_begin(seed, what, lane) ^ _mixed(numbers))
         for word in more:
-            found = _mixed(found ^ _mixed(np.array([word], dtype=np.int64).view(np.uint64)))
+            found = _mixed(found ^ _word(word))
     shares: Floats = (found >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return shares
 
