@@ -656,7 +656,7 @@ def _build(proposal: _Proposal, road: _core.RoadNetwork, scenario: Scenario, end
 def _leaving_map(proposal: _Proposal, ends: MapEnds, route: _core.Route) -> _Proposal:
     """The same, done where its route leads out of the map."""
     length = core_shape(proposal.shape).extent[0]
-    areas = ends.areas_anywhere(route.lanelet_ids[-1], length, proposal.speed)
+    areas = ends.areas_anywhere(route.lanelet_ids[-1], length, proposal.speed, KINDS.index(proposal.kind))
     if not areas:
         return proposal
     first, last = proposal.initial_state.time_step, proposal.goal[0].time_step[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -29,6 +30,12 @@ _NEAR, _SAME_WAY = 100.0, math.radians(60.0)
 _AHEAD_WIDTHS, _AHEAD_BESIDE, _AHEAD_ANGLE, _HEADWAY_SPEED = 0.4, 3.0, 0.6, 3.0
 #: A route without a goal is so long for each metre per second of desired speed [s], and at least so long [m].
 _ROUTE_TIME, _ROUTE_LENGTH = 60.0, 600.0
+#: A road leads out of the map if no other lane lies ahead of its end within this distance [m] and this angle [rad], ...
+_BEYOND, _BEYOND_ANGLE = 60.0, math.radians(30.0)
+#: ... and if it is longer than this [m] from its last fork or its begin: shorter ones are bays, and so is a drive way.
+_BAY, _BAY_TYPES = 15.0, frozenset(("driveWay", "parking"))
+#: Lanes are looked at every so many metres.
+_SPACING = 3.0
 #: The map ends for a vehicle this far [m] before its front leaves it, and at least the way of so many time steps.
 _MAP_END, _MAP_END_STEPS = 6.0, 2.0
 
@@ -135,6 +142,7 @@ class MapEnds:
         """
         self._lanelets, self._road, self._dt = scenario.lanelets, road, scenario.dt
         self._rows = {number: row for row, number in enumerate(scenario.lanelets.ids.tolist())}
+        self._out: dict[int, bool] = {}
         self._led_from = {number for ids in scenario.lanelets.predecessors for number in ids}
 
     def areas(self, last_lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
@@ -147,27 +155,78 @@ class MapEnds:
         """
         return self._areas(self._side_by_side(last_lanelet), length, speed)
 
-    def areas_anywhere(self, last_lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
+    def areas_anywhere(self, last_lanelet: int, length: float, speed: float, user: int) -> tuple[Shape, ...]:
         """The same, and all other places where a vehicle leaves the map that gets onto another way than its own.
+
+        Those are at the edge of the map, on lanes for it; where a drive way or a parking bay ends it does not leave.
 
         Args:
             last_lanelet: Its id.
             length: Of the vehicle [m].
             speed: Its desired speed [m/s].
+            user: Its kind, a position in `KINDS`.
         """
-        leads_out = self.areas(last_lanelet, length, speed)
-        return self._areas(list(self._rows), length, speed) if leads_out else ()
+        if not self.areas(last_lanelet, length, speed):
+            return ()
+        own = self._side_by_side(last_lanelet)
+        found = [n for n in self._rows if n in own or (self._road.admits(n, user) and self._leads_out(n))]
+        return self._areas(found, length, speed)
+
+    def _leads_out(self, number: int) -> bool:
+        """Whether a lanelet without successors ends at the edge of the map, and is more than a bay."""
+        if number not in self._out:
+            self._out[number] = not self._is_bay(number) and not self._goes_on(number)
+        return self._out[number]
+
+    def _is_bay(self, number: int) -> bool:
+        lanelets, length, seen = self._lanelets, 0.0, {number}
+        if _BAY_TYPES.intersection(lanelets.types[self._rows[number]]):
+            return True
+        while length < _BAY:
+            length += float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
+            before = [n for n in lanelets.predecessors[self._rows[number]] if n in self._rows]
+            if len(before) != 1 or before[0] in seen or len(lanelets.successors[self._rows[before[0]]]) > 1:
+                # What begins at the edge of the map is no bay of another road.
+                return length < _BAY and bool(before)
+            number = before[0]
+            seen.add(number)
+        return False
+
+    def _goes_on(self, number: int) -> bool:
+        """Whether there is more of the map ahead of the end of a lanelet."""
+        line = self._centre(number)
+        ahead = line[-1] - line[-2]
+        ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
+        away = self._points - line[-1]
+        along, across = away @ ahead, np.abs(away @ np.array([-ahead[1], ahead[0]]))
+        # Not what ends beside it.
+        near = (along > _MAP_END) & (along < _BEYOND) & (across < along * math.tan(_BEYOND_ANGLE))
+        return bool(near.any())
+
+    def _centre(self, number: int) -> Floats:
+        row = self._rows[number]
+        line: Floats = 0.5 * (self._lanelets.left[row] + self._lanelets.right[row])
+        return line
+
+    @cached_property
+    def _points(self) -> Floats:
+        """Points in the middle of all lanelets, no farther apart than some metres [m], shape (points, 2)."""
+        found = []
+        for number in self._rows:
+            line = self._centre(number)
+            at = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+            s = np.linspace(0.0, at[-1], max(2, math.ceil(at[-1] / _SPACING) + 1))
+            found.append(np.column_stack([np.interp(s, at, line[:, axis]) for axis in (0, 1)]))
+        return np.concatenate(found)
 
     def _areas(self, numbers: list[int], length: float, speed: float) -> tuple[Shape, ...]:
         """Those of some lanelets."""
         lanelets, found = self._lanelets, []
         before = 0.5 * length + max(_MAP_END, _MAP_END_STEPS * speed * self._dt)
         for number in numbers:
-            row = self._rows[number]
-            if lanelets.successors[row] or number in self._led_from:
+            if lanelets.successors[self._rows[number]] or number in self._led_from:
                 continue
-            centre = 0.5 * (lanelets.left[row] + lanelets.right[row])
-            end = float(np.hypot(*np.diff(centre, axis=0).T).sum())
+            end = float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
             found += [
                 Shape("polygon", vertices=np.asarray(polygon))
                 for polygon in self._road.lane_stretch(number, end, before, 0.0)
