@@ -169,7 +169,7 @@ class _Writer:
         self._tables.write(states, plans)
         self._spool.add(states)
         self._next = states.first_time_step + states.n_steps
-        new = [agent.id for agent in self._simulation.traffic.agents if agent.id not in self._firsts]
+        new = [number for number in self._simulation.waiting if number not in self._firsts]
         self._firsts |= first_states(states, new)
         told = np.array([bool(text) for text in plans.rejection], dtype=np.bool_)
         kept = told | (plans.status == PLAN_STATUS.index("emergency_braking"))

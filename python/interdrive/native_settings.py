@@ -604,8 +604,8 @@ class CoreStepSettings:
         history_steps: Past time steps in a scene. With time steps shorter than 0.1 s, as many as span the same time
             at 0.1 s. Between 1 and 10000.
         entry_wait: How long an agent that enters after the beginning waits for room: until it overlaps no vehicle,
-            and can follow the vehicle ahead with 4 m/s² or less. Then it does not enter at all. 0: it enters at its
-            time, come what may. Between 0 and 100000.
+            and can follow the vehicle ahead with 4 m/s² or less; the time of its goal waits with it. Then it does
+            not enter at all. 0: it enters at its time, come what may. Between 0 and 100000.
         max_steps: Largest number of time steps of a run; agents still driving then end with time_limit. 0: the
             largest of 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up
             to 20000). Between 0 and 1000000.

@@ -402,7 +402,7 @@ class Simulation:
 
     def _unexplained(self) -> Run:
         states = self.states()
-        firsts = first_states(states, [agent.id for agent in self.traffic.agents])
+        firsts = first_states(states, self.waiting)
         return self.assembled(states, Plans(**self.world.plans()), firsts, digest(states))
 
     def assembled(self, states: States, plans: Plans, firsts: Mapping[int, FirstState], digest: str) -> Run:
@@ -459,17 +459,23 @@ class Simulation:
         return demand_of(made.agents, lanes, entered, outcomes, self.scenario.dt)
 
     def as_entered(self, firsts: Mapping[int, FirstState], wanted: Set[int] | None = None) -> list[Agent]:
-        """The agents; those that have waited in queues with the time and the speed at which they entered.
+        """The agents; those that have waited with the time and the speed at which they entered.
 
         Args:
-            firsts: When and how each generated vehicle was there for the first time.
+            firsts: When and how those that may have waited (`waiting`) were there for the first time.
             wanted: Ids; None: all agents.
         """
         return [
-            agent if agent.queue is None or agent.id not in firsts else entered_at(agent, *firsts[agent.id])
+            entered_at(agent, *firsts[agent.id]) if agent.id in firsts else agent
             for agent in self.agents
             if wanted is None or agent.id in wanted
         ]
+
+    @cached_property
+    def waiting(self) -> list[int]:
+        """Ids of the agents that may enter later than stated: generated ones, and with `step.entry_wait` others, too."""
+        waits = self.settings.step.entry_wait > 0.0
+        return [a.id for a in self.agents if a.origin == "generated" or (waits and not a.replays_before)]
 
     @cached_property
     def areas(self) -> Mapping[str, Any]:

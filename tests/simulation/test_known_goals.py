@@ -169,6 +169,19 @@ def test_an_agent_enters_neither_at_the_bumper_of_another_vehicle_nor_beside_one
     assert 10 < np.flatnonzero(present)[0] < 50
 
 
+def test_the_time_of_a_goal_begins_when_an_agent_that_waited_has_entered():
+    # The place is taken until step 30.
+    cars = [Car(11, 20.0, 0.0, 15.0, first=10), Car(12, 22.0, 0.0, 0.0, last=29)]
+    scenario = world(straight_road(300.0), cars=cars)
+    soon, late = (_simulation(scenario, step__entry_wait=wait).agents[0] for wait in (0.0, 4.0))
+    assert soon.goal[0].time_step == late.goal[0].time_step
+    run = _simulation(scenario, step__entry_wait=4.0).run()
+    (agent,) = run.agents
+    assert agent.start_time_step == 30
+    assert agent.goal[0].time_step[1] == late.goal[0].time_step[1] + 20
+    assert run.outcomes.outcome == ("goal_reached",)
+
+
 def test_impossible_settings_are_refused():
     for settings, words in (
         ({"goal.information": "all"}, "goal.information"),

@@ -216,8 +216,14 @@ def _first_id(scenario: Scenario, others: Sequence[Agent]) -> int:
 def entered_at(agent: Agent, time_step: int, velocity: float, yaw_rate: float) -> Agent:
     """The agent as it has entered: later, and more slowly than it wanted; the time of its goal counts from then on."""
     waited = time_step - agent.initial_state.time_step
+    if not waited and agent.queue is None:
+        return agent
+    # As the core does: the end of a recording does not wait.
     goal = tuple(
-        replace(state, time_step=(state.time_step[0] + waited, state.time_step[1] + waited)) for state in agent.goal
+        replace(state, time_step=(state.time_step[0] + waited, state.time_step[1] + waited))
+        if state.areas or agent.queue is not None
+        else state
+        for state in agent.goal
     )
     start = replace(agent.initial_state, time_step=time_step, velocity=velocity, yaw_rate=yaw_rate)
     return replace(agent, initial_state=start, goal=goal)

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::{Agent, Drive, World};
 use crate::conduct::FIRM_DECELERATION;
+use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose, wrap_angle};
 use crate::recording::OutcomeKind;
@@ -17,8 +18,12 @@ const LEADER_ANGLE: f64 = 0.6;
 const LEADER_DISTANCE: f64 = 100.0;
 /// Who enters keeps this far from others, ahead and behind, and at its sides [m], ...
 const ROOM: (f64, f64) = (1.0, 0.3);
-/// ... and enters beside nobody whom it would touch after these times if both went on as they are [s].
-const GOING_ON: [f64; 2] = [0.5, 1.0];
+/// ... and enters beside nobody whom it would touch within this time [s], looked at so many times, if both went on along
+/// the lane at their speed; ...
+const GOING_ON: f64 = 1.0;
+const LOOKS: u32 = 10;
+/// ... who is farther beside the way [m] goes straight on.
+const ALONG: f64 = 8.0;
 /// From a queue an agent enters this far [s] ...
 const HEADWAY: f64 = 1.0;
 /// ... and so much besides [m] behind the vehicle ahead, with the way that both need to brake firmly to a stop; ...
@@ -45,8 +50,8 @@ pub struct Queue {
 }
 
 impl World {
-    /// Agents that would enter at this time step, but find no room, enter one time step later, or not at all once they have
-    /// waited for too long. Those whose recording was replayed until now have their room.
+    /// Agents that would enter at this time step, but find no room, enter one time step later, and so does the time at which
+    /// they are to be somewhere; or not at all once they have waited for too long. Those whose recording was replayed until now have their room.
     pub(super) fn let_wait(&mut self, time_step: i64) {
         let most = self.settings.step.entry_wait;
         if most <= 0.0 || time_step == self.first_time_step {
@@ -65,7 +70,12 @@ impl World {
             let drive = &mut self.drives[index];
             if waits {
                 drive.waited += 1;
-                Arc::make_mut(&mut drive.agent).start_time_step += 1;
+                let agent = Arc::make_mut(&mut drive.agent);
+                agent.start_time_step += 1;
+                // An agent without a place to be at is done when the recording is over.
+                for goal in agent.goal.states.iter_mut().filter(|goal| !goal.areas.is_empty()) {
+                    goal.time_step = (goal.time_step.0 + 1, goal.time_step.1 + 1);
+                }
             } else {
                 drive.outcome.kind = OutcomeKind::TimeLimit;
                 drive.outcome.time_step = time_step;
@@ -156,8 +166,9 @@ impl World {
 
     /// The agent touches no participant in its first state or right afterwards, and can follow the vehicle ahead.
     fn has_room(&self, index: usize) -> bool {
-        let agent = &self.drives[index].agent;
+        let Drive { agent, s, .. } = &self.drives[index];
         let own = agent.initial_state;
+        let (path, center) = (&agent.route.path, s + agent.vehicle.rear_axle_to_center);
         let pose = own.pose();
         let half = 0.5 * agent.vehicle.length;
         let room = Shape::rectangle(agent.vehicle.length + 2.0 * ROOM.0, agent.vehicle.width + 2.0 * ROOM.1);
@@ -167,12 +178,18 @@ impl World {
             if self.participants.storeys.are_apart(pose, place) {
                 return true;
             }
-            let meets = |time: &f64| agent.shape.overlaps(going_on(&own, *time), shape, going_on(other, *time));
-            if room.overlaps(pose, shape, place) || GOING_ON.iter().any(meets) {
+            let extent = shape.aabb(Pose::default());
+            let (length, width) = (extent.max.x - extent.min.x, extent.max.y - extent.min.y);
+            let reach = (own.velocity.abs() + other.velocity.abs()) * GOING_ON;
+            let may_meet = place.position.distance(pose.position) < reach + agent.vehicle.length + length + width;
+            let meets = |look: u32| {
+                let time = GOING_ON * f64::from(look) / f64::from(LOOKS);
+                let [ours, theirs] = [&own, other].map(|state| going_on(path, center, state, time));
+                agent.shape.overlaps(ours, shape, theirs)
+            };
+            if room.overlaps(pose, shape, place) || may_meet && (1..=LOOKS).any(meets) {
                 return false;
             }
-            let extent = shape.aabb(crate::geometry::Pose::default());
-            let (length, width) = (extent.max.x - extent.min.x, extent.max.y - extent.min.y);
             let Some(distance) = leading(&own, other, agent.vehicle.width + width, LEADER_DISTANCE) else {
                 return true;
             };
@@ -183,10 +200,24 @@ impl World {
     }
 }
 
-/// Where a vehicle is after a time [s] if it keeps its heading and its speed.
-fn going_on(state: &State, time: f64) -> Pose {
+/// Where a vehicle near an arc length of a path [m] is after a time [s] if it keeps its speed, and its place and heading
+/// relative to the path, whichever way it drives along it; straight on if it crosses the path.
+fn going_on(path: &ReferencePath, near: f64, state: &State, time: f64) -> Pose {
     let pose = state.pose();
-    Pose { position: pose.position + Point::from_angle(pose.orientation) * (state.velocity * time), ..pose }
+    let way = state.velocity * time;
+    let window = 1.5 * pose.position.distance(path.at(near).position) + SIGHT_MARGIN;
+    if let Some((s, offset)) = path.project_near(pose.position, near, window).filter(|foot| foot.1.abs() < ALONG) {
+        let turn = wrap_angle(pose.orientation - path.at(s).theta);
+        let there = s + way * turn.cos() / (1.0 - offset * path.at(s).curvature).max(0.5);
+        let is_along = turn.sin().abs() < LEADER_ANGLE.sin() && (0.0..=path.length()).contains(&there);
+        if is_along {
+            let at = path.at(there);
+            let aside = offset + way * turn.sin();
+            let position = at.position + Point::from_angle(at.theta).left() * aside;
+            return Pose { position, orientation: at.theta + turn };
+        }
+    }
+    Pose { position: pose.position + Point::from_angle(pose.orientation) * way, ..pose }
 }
 
 /// Largest speed [m/s] behind a vehicle with a speed [m/s] at a gap [m] that needs no firm braking after the headway.
@@ -236,6 +267,25 @@ mod tests {
         let beside = at((200.0 - 3.5) * angle.sin(), 200.0 - (200.0 - 3.5) * angle.cos(), angle);
         assert!(leading(&at(0.0, 0.0, 0.0), &beside, 3.6, LEADER_DISTANCE).is_none());
         assert!(leading(&at(0.0, 0.0, 0.0), &at(-10.0, 0.0, 0.0), 3.6, LEADER_DISTANCE).is_none());
+    }
+
+    #[test]
+    fn on_a_bend_vehicles_go_on_along_it_either_way_and_straight_across_it() {
+        let radius = 30.0;
+        let on_bend = |angle: f64| Point::new(radius * angle.sin(), radius * (1.0 - angle.cos()));
+        let points: Vec<Point> = (0..=30).map(|i| on_bend(0.05 * f64::from(i))).collect();
+        let path = ReferencePath::through(&points).expect("an arc");
+        let own = going_on(&path, 0.0, &at(0.0, 0.0, 0.0), 1.0);
+        assert!(own.position.distance(on_bend(1.0 / 3.0)) < 0.05 && (own.orientation - 1.0 / 3.0).abs() < 0.02);
+        // From the other end in the next lane, 3.5 m outside: it passes, and would not straight on.
+        let begin = Point::new(0.0, radius) + Point::from_angle(0.6 - std::f64::consts::FRAC_PI_2) * 33.5;
+        let oncoming = at(begin.x, begin.y, 0.6 + std::f64::consts::PI);
+        let there = going_on(&path, 18.0, &oncoming, 1.0).position;
+        assert!((there.distance(Point::new(0.0, radius)) - 33.5).abs() < 0.1, "{there:?}");
+        assert!((there.distance(begin) - 10.0).abs() < 0.1);
+        let across = at(5.0, 10.0, -std::f64::consts::FRAC_PI_2);
+        let there = going_on(&path, 5.0, &across, 0.5).position;
+        assert!(there.distance(Point::new(5.0, 5.0)) < 1e-9);
     }
 
     #[test]

@@ -13,8 +13,8 @@ settings! {
         /// Past time steps in a scene. With time steps shorter than 0.1 s, as many as span the same time at 0.1 s.
         history_steps: usize = 30, between(1.0, 10_000.0);
         /// How long an agent that enters after the beginning waits for room: until it overlaps no vehicle, and can
-        /// follow the vehicle ahead with 4 m/s² or less. Then it does not enter at all. 0: it enters at its time,
-        /// come what may.
+        /// follow the vehicle ahead with 4 m/s² or less; the time of its goal waits with it. Then it does not enter at
+        /// all. 0: it enters at its time, come what may.
         entry_wait: f64 ["s"] = 0.0, between(0.0, 1e5);
         /// Largest number of time steps of a run; agents still driving then end with time_limit. 0: the largest of
         /// 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up to 20000).

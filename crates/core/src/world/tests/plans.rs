@@ -199,6 +199,33 @@ fn an_agent_waits_for_room_to_enter_and_gives_up_after_a_while() {
 }
 
 #[test]
+fn an_agent_waits_for_a_vehicle_that_crosses_in_a_moment_and_the_time_of_its_goal_waits_with_it() {
+    let step = StepSettings { entry_wait: 2.0, ..StepSettings::default() };
+    let settings = WorldSettings { step, ..WorldSettings::default() };
+    let open = GoalState { areas: [].into(), ..stretch(0.0, 1.0, (60, 60)) };
+    let late = Agent { start_time_step: 1, ..agent(3, at(20.0, 0.0, 10.0), vec![stretch(80.0, 90.0, (5, 60)), open]) };
+    // At step 1 it is 8 m beside the way, and a quarter of a second later right before the agent.
+    let crossing = Recorded::moving(
+        7,
+        (0..10).map(|i| {
+            Some(State { orientation: -std::f64::consts::FRAC_PI_2, ..at(25.0, 11.0 - 3.0 * f64::from(i), 30.0) })
+        }),
+    );
+    let mut world = world_with(vec![agent(1, at(150.0, 0.0, 0.0), vec![far()]), late], &[crossing], settings);
+    for time_step in 1..8 {
+        move_to(&mut world, &[]);
+        if state(&world, 3).is_some() {
+            let entered = world.agent(3).expect("an agent");
+            let waited = entered.start_time_step - 1;
+            let times: Vec<(i64, i64)> = entered.goal.states.iter().map(|goal| goal.time_step).collect();
+            assert_eq!((time_step, waited, times), (3, 2, vec![(5 + waited, 60 + waited), (60, 60)]));
+            return;
+        }
+    }
+    panic!("it never enters");
+}
+
+#[test]
 fn visibility_is_recorded_where_it_is_asked_for() {
     let others = || [Recorded::standing(7, 60.0, 3.5), Recorded::standing(8, 160.0, 3.5)];
     for record_views in [true, false] {
