@@ -473,7 +473,7 @@ class Simulation:
 
     @cached_property
     def waiting(self) -> list[int]:
-        """Ids of the agents that may enter later than stated: generated ones, and with `step.entry_wait` others, too."""
+        """Ids of the agents that may enter later than stated: generated ones; with `step.entry_wait` others, too."""
         waits = self.settings.step.entry_wait > 0.0
         return [a.id for a in self.agents if a.origin == "generated" or (waits and not a.replays_before)]
 

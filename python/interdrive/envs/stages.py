@@ -282,7 +282,10 @@ def _stage(scenario: Scenario, setup: Setup, config: RunConfig) -> Stage:
 def _with_traffic(stage: Stage) -> Stage:
     """The stage with generated traffic, of which some is made to see whether that works."""
     settings = stage.config.settings
-    made = replace(stage, maker=TrafficMaker(stage.scenario, stage.road, settings.traffic, settings.step))
+    # Episodes end after as many steps as runs whose agents want to drive for ever.
+    most = _core.steps_at_most(settings.step, stage.scenario.obstacles.n_steps, [(0, 10**9)])
+    step = replace(settings.step, max_steps=most)
+    made = replace(stage, maker=TrafficMaker(stage.scenario, stage.road, settings.traffic, step))
     first = stage.starts[0]
     return replace(made, n_generated=len(made.generated(Episode(0, first.time_step, first.eligible[:1]))))
 
