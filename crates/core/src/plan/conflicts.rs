@@ -62,9 +62,6 @@ pub(super) struct Deference {
     pub(super) minimum_gap: f64,
     /// It waits for crossing participants.
     pub(super) counts_crossing: bool,
-    /// It becomes slower than a participant that joins ahead of it where there is no other way to be behind it in time:
-    /// beside a faster vehicle it would otherwise not brake at all.
-    pub(super) falls_behind: bool,
     /// It brakes as hard as it can for a standing vehicle that is expected to start and cross its path. A vehicle that does
     /// not, and could not stop comfortably, goes first: agents that stand wait, replayed vehicles may not.
     pub(super) brakes_for_standing: bool,
@@ -73,13 +70,12 @@ pub(super) struct Deference {
 impl Deference {
     /// Behind all that go first, at a distance [m].
     pub(super) fn full(minimum_gap: f64) -> Self {
-        Self { minimum_gap, counts_crossing: true, falls_behind: true, brakes_for_standing: false }
+        Self { minimum_gap, counts_crossing: true, brakes_for_standing: false }
     }
 
-    /// The same, but never below the speed of a joining participant, and braking for standing vehicles: neither rule was
-    /// measured with the planners that use this.
-    pub(super) fn at_their_speed(minimum_gap: f64) -> Self {
-        Self { falls_behind: false, brakes_for_standing: true, ..Self::full(minimum_gap) }
+    /// The same, but braking for standing vehicles: where they are replayed, those that cannot stop comfortably collide less.
+    pub(super) fn to_standing(minimum_gap: f64) -> Self {
+        Self { brakes_for_standing: true, ..Self::full(minimum_gap) }
     }
 }
 
@@ -311,7 +307,7 @@ impl Conflicts {
         point: usize,
         ego: &Ego,
         (s, velocity): (f64, f64),
-        Deference { minimum_gap, counts_crossing, falls_behind, .. }: Deference,
+        Deference { minimum_gap, counts_crossing, .. }: Deference,
         follow: impl Fn(f64, f64, f64) -> f64,
     ) -> f64 {
         let front = s + ego.to_front;
@@ -323,7 +319,7 @@ impl Conflicts {
             }
             let room = barrier.s - LINE_GAP - front;
             let waits = follow(room + minimum_gap, 0.0, 0.0);
-            let arrives = if left.is_finite() { not_before(room, velocity, 0.0, left) } else { f64::NEG_INFINITY };
+            let arrives = if left.is_finite() { not_before(room, velocity, left) } else { f64::NEG_INFINITY };
             least = least.min(waits.max(arrives));
         }
         for occupancy in self.occupancies.iter().filter(|occupancy| occupancy.counts && point <= occupancy.last) {
@@ -340,7 +336,7 @@ impl Conflicts {
                     stop
                 } else {
                     let time = (occupancy.last + 1 - point) as f64 * self.dt + TIME_CLEARANCE;
-                    stop.max(not_before(occupancy.entry - front - 0.5 * minimum_gap, velocity, 0.0, time))
+                    stop.max(not_before(occupancy.entry - front - 0.5 * minimum_gap, velocity, time))
                 }
             } else if point >= occupancy.first {
                 let interval = interval(point);
@@ -354,8 +350,8 @@ impl Conflicts {
                 let moved_back = joined.low - joined.velocity * time;
                 let keep = follow(moved_back - front, joined.velocity, 0.0);
                 let room = joined.low - front - minimum_gap;
-                let least_velocity = if falls_behind { 0.0 } else { joined.velocity };
-                keep.max(not_before(room, velocity, least_velocity, time))
+                // Slower than the other, too: beside a faster vehicle it would otherwise not brake at all.
+                keep.max(not_before(room, velocity, time))
             };
             least = least.min(acceleration);
         }
@@ -371,8 +367,7 @@ impl PathOccupancy {
 }
 
 /// Constant acceleration with which a distance is not used up before a time is over [m/s²]; infinite if it is not anyway.
-/// Towards the end the vehicle need not be slower than `end_velocity`.
-fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64 {
+fn not_before(distance: f64, velocity: f64, time: f64) -> f64 {
     if velocity * time <= distance {
         return f64::INFINITY;
     }
@@ -380,12 +375,8 @@ fn not_before(distance: f64, velocity: f64, end_velocity: f64, time: f64) -> f64
         return f64::NEG_INFINITY;
     }
     let constant = 2.0 * (distance - velocity * time) / (time * time);
-    if velocity + constant * time >= end_velocity {
-        constant
-    } else {
-        // It would be slower than necessary at the end, or stand: brake to that speed within the distance.
-        (end_velocity * end_velocity - velocity * velocity) / (2.0 * distance)
-    }
+    // It would drive backwards at the end: it brakes to rest within the distance.
+    if velocity + constant * time >= 0.0 { constant } else { -velocity * velocity / (2.0 * distance) }
 }
 
 /// A participant behind the vehicle in its corridor with the same heading keeps the distance itself.
@@ -467,18 +458,16 @@ mod tests {
 
     #[test]
     fn waiting_takes_no_more_braking_than_is_necessary() {
-        for (distance, velocity, end_velocity, time, predicted) in [
+        for (distance, velocity, time, predicted) in [
             // It would arrive after 2 s anyway.
-            (20.0, 10.0, 0.0, 2.0, f64::INFINITY),
+            (20.0, 10.0, 2.0, f64::INFINITY),
             // 10 * 3 - 0.5 * 2.222 * 9 = 20
-            (20.0, 10.0, 0.0, 3.0, -20.0 / 9.0),
+            (20.0, 10.0, 3.0, -20.0 / 9.0),
             // Longer than it takes to stop: brake to rest, 10² / (2 * 20).
-            (20.0, 10.0, 0.0, 10.0, -2.5),
-            // Behind a leader with 6 m/s: (36 - 100) / 40.
-            (20.0, 10.0, 6.0, 10.0, -1.6),
-            (-1.0, 10.0, 0.0, 1.0, f64::NEG_INFINITY),
+            (20.0, 10.0, 10.0, -2.5),
+            (-1.0, 10.0, 1.0, f64::NEG_INFINITY),
         ] {
-            let found = not_before(distance, velocity, end_velocity, time);
+            let found = not_before(distance, velocity, time);
             assert!(found == predicted || (found - predicted).abs() < 1e-9, "{found} for {predicted}");
         }
     }

@@ -233,7 +233,7 @@ pub(super) fn plan(
     let law = CarFollowing { acceleration: 1.5, deceleration: 2.0, ..CarFollowing::default() };
     speed_profile.fill_below(path, lawful, (start.s, ego.reach), cornering, law.deceleration);
     let most = settings.desired_velocity_max.min(request.vehicle.velocity_max);
-    let deference = Deference::at_their_speed(law.minimum_gap);
+    let deference = Deference::to_standing(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, v: f64, driven: f64| {
         let desired = |s: f64| speed_profile.at(s).min(most);
         let slowing = (desired(s + v * lawful::SLOWING_TIME) - v) / lawful::SLOWING_TIME;

@@ -106,7 +106,7 @@ pub(super) fn plan(
         law.deceleration,
     );
     let clock = recorded_path.clock(request.time_step);
-    let deference = Deference::at_their_speed(law.minimum_gap);
+    let deference = Deference::to_standing(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
         let now = clock + point as f64;
         let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);

@@ -273,7 +273,7 @@ impl Speeds {
         let (comfort, vehicle) = (task.comfort, task.request.vehicle);
         let gap = comfort.standstill_gap;
         let counts_crossing = pace != Pace::Bold;
-        let deference = Deference { counts_crossing, ..Deference::at_their_speed(gap) };
+        let deference = Deference { counts_crossing, ..Deference::to_standing(gap) };
         match pace {
             Pace::Reversing => return None,
             Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
