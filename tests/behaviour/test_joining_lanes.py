@@ -37,7 +37,7 @@ def _joining(speed, ahead):
     return world(lanes, cars=[other], problems=[agent], steps=300)
 
 
-@pytest.mark.parametrize("planner", ["idm", "idm_mobil", "lawful"])
+@pytest.mark.parametrize("planner", ["idm", "idm_mobil", "lawful", "rollout", "velocity_adjusting"])
 @pytest.mark.parametrize(("speed", "ahead"), [(15.0, 0.0), (15.5, -1.5), (14.5, 0.5)])
 def test_beside_a_faster_car_that_joins_an_agent_falls_behind_it(planner, speed, ahead):
     run = idr.simulate(_joining(speed, ahead), planner=planner, settings={"rules.enabled": False}, threads=1)
