@@ -1,6 +1,6 @@
 """Trains a policy that all agents share, by proximal policy optimization, on the shipped scenarios.
 
-    python examples/rl/ppo.py --out out/ppo       # at most 10 minutes on two cores
+    OPENBLAS_NUM_THREADS=1 python examples/rl/ppo.py --out out/ppo     # at most 10 minutes on two cores
     python examples/rl/ppo.py --scenarios out/varied  # and on what scenarios/varied.py has made
     python examples/rl/compare.py out/ppo/policy.safetensors
 
@@ -20,7 +20,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from policy import Adam, Policy
 
-from interdrive import envs
+from interdrive import InputError, envs
 
 STEPS, WORLDS, SLOTS = 32, 24, 31
 EPOCHS, MINIBATCH = 4, 1024
@@ -253,8 +253,13 @@ def main() -> None:
     arguments.add_argument("--threads", type=int, default=2)
     arguments.add_argument("--scenarios", type=Path, nargs="*", help="files or folders besides the shipped scenarios")
     given = arguments.parse_args()
+    if given.steps < 1 or given.threads < 1:
+        arguments.error("--steps and --threads must be at least 1")
     given.out.mkdir(parents=True, exist_ok=True)
-    policy, curve = train(given.seconds, given.steps, given.seed, given.threads, given.scenarios)
+    try:
+        policy, curve = train(given.seconds, given.steps, given.seed, given.threads, given.scenarios)
+    except InputError as error:
+        arguments.error(str(error))
     (given.out / "curve.json").write_text(json.dumps(curve))
     picture(curve, given.out / "curve.png")
     policy.export(given.out / "policy.safetensors")
