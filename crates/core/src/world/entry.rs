@@ -50,8 +50,9 @@ pub struct Queue {
 }
 
 impl World {
-    /// Agents that would enter at this time step, but find no room, enter one time step later, and so does the time at which
-    /// they are to be somewhere; or not at all once they have waited for too long. Those whose recording was replayed until now have their room.
+    /// Agents that would enter at this time step, but find no room, enter one time step later, and so does the time at
+    /// which they are to be somewhere; or not at all once they have waited for too long. Those whose recording was
+    /// replayed until now have their room, and whoever enters takes it from those that come after.
     pub(super) fn let_wait(&mut self, time_step: i64) {
         let most = self.settings.step.entry_wait;
         if most <= 0.0 || time_step == self.first_time_step {
@@ -63,7 +64,12 @@ impl World {
                 && drive.outcome.kind == OutcomeKind::Running
                 && drive.agent.queue.is_none();
             let was_there = drive.replayed.is_some() && self.states[drive.row].is_some();
-            if !enters || was_there || self.has_room(index) {
+            if !enters {
+                continue;
+            }
+            if was_there || self.has_room(index) {
+                let drive = &self.drives[index];
+                self.states[drive.row] = Some(drive.agent.initial_state);
                 continue;
             }
             let waits = (drive.waited + 1) as f64 * self.scenario.dt <= most;

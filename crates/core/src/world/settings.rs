@@ -17,7 +17,9 @@ settings! {
         /// all. 0: it enters at its time, come what may.
         entry_wait: f64 ["s"] = 0.0, between(0.0, 1e5);
         /// Largest number of time steps of a run; agents still driving then end with time_limit. 0: the largest of
-        /// 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up to 20000).
+        /// 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up to 20000; up
+        /// to 1000000 for those of generated vehicles). A run without agents ends when `step.duration` says, but no
+        /// later than this.
         max_steps: usize = 0, between(0.0, 1_000_000.0);
         /// Time without any motion, plus the longest cycle of traffic lights, after which a run ends, provided that
         /// nothing can set an agent in motion any more; its agents end with time_limit. inf: never. The default, our

@@ -199,6 +199,27 @@ fn an_agent_waits_for_room_to_enter_and_gives_up_after_a_while() {
 }
 
 #[test]
+fn of_two_agents_that_wait_for_the_same_place_one_enters_after_the_other() {
+    let step = StepSettings { entry_wait: 2.0, ..StepSettings::default() };
+    let settings = WorldSettings { step, ..WorldSettings::default() };
+    let due_at = |id, start| Agent { start_time_step: start, ..agent(id, at(20.0, 0.0, 10.0), vec![far()]) };
+    let beside = Recorded::moving(7, (0..12).map(|step| (step < 6).then(|| at(20.0, 2.0, 0.0))));
+    let far_away = agent(1, at(150.0, 0.0, 0.0), vec![far()]);
+    let mut world = world_with(vec![far_away, due_at(3, 2), due_at(4, 4)], &[beside], settings);
+    for time_step in 1..20 {
+        let first = state(&world, 3).map(|state| (3, State { x: state.x + 1.0, ..state }));
+        move_to(&mut world, &first.into_iter().collect::<Vec<_>>());
+        let second = state(&world, 4);
+        assert_eq!(state(&world, 3).is_some(), time_step >= 6, "{time_step}");
+        if let (Some(first), Some(second)) = (state(&world, 3), second) {
+            assert!(time_step > 6 && first.x > second.x + 5.0, "{time_step}: {} m", first.x - second.x);
+            return;
+        }
+    }
+    panic!("the second one never enters");
+}
+
+#[test]
 fn an_agent_waits_for_a_vehicle_that_crosses_in_a_moment_and_the_time_of_its_goal_waits_with_it() {
     let step = StepSettings { entry_wait: 2.0, ..StepSettings::default() };
     let settings = WorldSettings { step, ..WorldSettings::default() };
