@@ -93,3 +93,41 @@ def test_where_the_own_way_does_not_lead_out_there_are_no_ends():
 def test_the_end_of_the_own_way_counts_wherever_it_is():
     lanelets = with_lane(straight_road(200.0), side_road(2.0), types=("driveWay",))
     assert len(ends_of(lanelets, last=100)) == 2
+
+
+def test_a_short_lane_into_which_two_roads_merge_leads_out():
+    lanelets = with_lane(straight_road(200.0), [(0.0, 60.0), (200.0, 60.0)])
+    lanelets = with_lane(lanelets, [(140.0, -60.0), (180.0, -20.0), (200.0, 0.0)])
+    lanelets = with_lane(lanelets, [(200.0, 0.0), (208.0, 0.0)], after=(1, 101))
+    assert ends_of(lanelets, last=100) == [(196.0, 60.0), (204.0, 0.0)]
+
+
+def short_lanes(length):
+    """Two ways of 4 m leave a road and meet in a lane, 102; a road beside that begins at the edge of the map, 103."""
+    lanelets = with_lane(straight_road(200.0), [(200.0, 1.75), (204.0, 1.75)], after=(1,))
+    lanelets = with_lane(lanelets, [(200.0, 1.75), (202.0, 1.5), (204.0, 1.75)], after=(1,))
+    lanelets = with_lane(lanelets, [(204.0, 1.75), (204.0 + length, 1.75)], after=(100, 101))
+    return with_lane(lanelets, [(100.0, -1.25), (204.0 + length, -1.25)])
+
+
+@pytest.mark.parametrize(("length", "leads_out"), [(9.0, False), (13.0, True)])
+def test_a_bay_with_two_ways_into_it_counts_from_the_fork(length, leads_out):
+    own, bay = (200.0 + length, -1.0), (200.0 + length, 2.0)
+    assert ends_of(short_lanes(length), last=103) == sorted([own, *([bay] if leads_out else [])])
+
+
+def test_a_short_lane_beside_one_that_leads_out_does_so_too():
+    lanelets = short_lanes(9.0)
+    on_the_left, on_the_right = lanelets.adjacent_left.copy(), lanelets.adjacent_right.copy()
+    rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
+    on_the_left[rows[103]], on_the_right[rows[102]] = 102, 103
+    same_left, same_right = on_the_left >= 0, on_the_right >= 0
+    lanelets = replace(
+        lanelets,
+        adjacent_left=on_the_left,
+        adjacent_left_same_direction=same_left,
+        adjacent_right=on_the_right,
+        adjacent_right_same_direction=same_right,
+    )
+    own_road = with_lane(lanelets, [(0.0, 60.0), (200.0, 60.0)])
+    assert ends_of(own_road, last=104) == [(196.0, 60.0), (209.0, -1.0), (209.0, 2.0)]

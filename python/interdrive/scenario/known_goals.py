@@ -32,7 +32,8 @@ _AHEAD_WIDTHS, _AHEAD_BESIDE, _AHEAD_ANGLE, _HEADWAY_SPEED = 0.4, 3.0, 0.6, 3.0
 _ROUTE_TIME, _ROUTE_LENGTH = 60.0, 600.0
 #: A road leads out of the map if no other lane lies ahead of its end within this distance [m] and this angle [rad], ...
 _BEYOND, _BEYOND_ANGLE = 60.0, math.radians(30.0)
-#: ... and if it is longer than this [m] from its last fork or its begin: shorter ones are bays, and so is a drive way.
+#: ... and if it is longer than this [m] from its last fork: shorter ones are bays, and so is a drive way; a lane beside
+#: one that leads out is none.
 _BAY, _BAY_TYPES = 15.0, frozenset(("driveWay", "parking"))
 #: Lanes are looked at every so many metres.
 _SPACING = 3.0
@@ -175,29 +176,44 @@ class MapEnds:
     def _leads_out(self, number: int) -> bool:
         """Whether a lanelet without successors ends at the edge of the map, and is more than a bay."""
         if number not in self._out:
-            self._out[number] = not self._is_bay(number) and not self._goes_on(number)
+            own = self._is_beyond(number)
+            beside = [other for other in self._side_by_side(number) if self._end_together(number, other)]
+            self._out[number] = own or (not self._is_for_bays(number) and any(map(self._is_beyond, beside)))
         return self._out[number]
+
+    def _is_beyond(self, number: int) -> bool:
+        return not self._is_bay(number) and not self._goes_on(number)
+
+    def _is_for_bays(self, number: int) -> bool:
+        return not _BAY_TYPES.isdisjoint(self._lanelets.types[self._rows[number]])
 
     def _is_bay(self, number: int) -> bool:
         lanelets, length, seen = self._lanelets, 0.0, {number}
-        if _BAY_TYPES.intersection(lanelets.types[self._rows[number]]):
+        if self._is_for_bays(number):
             return True
         while length < _BAY:
-            length += float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
+            length += self._length(number)
             before = [n for n in lanelets.predecessors[self._rows[number]] if n in self._rows]
-            if len(before) != 1 or before[0] in seen or len(lanelets.successors[self._rows[before[0]]]) > 1:
-                # What begins at the edge of the map is no bay of another road.
-                return length < _BAY and bool(before)
-            number = before[0]
+            if not before:
+                return False  # what begins at the edge of the map is no bay of another road
+            # Where ways come together, the longest one counts.
+            number = max(before, key=self._length)
+            if number in seen or len(lanelets.successors[self._rows[number]]) > 1:
+                return length < _BAY
             seen.add(number)
         return False
 
+    def _end_together(self, number: int, other: int) -> bool:
+        """Whether two lanes beside each other end at the same edge of the map."""
+        if self._lanelets.successors[self._rows[other]] or other in self._led_from:
+            return False
+        own, ahead = self._end(number)
+        return abs(float(ahead @ (self._end(other)[0] - own))) < _MAP_END
+
     def _goes_on(self, number: int) -> bool:
         """Whether there is more of the map ahead of the end of a lanelet."""
-        line = self._centre(number)
-        ahead = line[-1] - line[-2]
-        ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
-        away = self._points - line[-1]
+        end, ahead = self._end(number)
+        away = self._points - end
         along, across = away @ ahead, np.abs(away @ np.array([-ahead[1], ahead[0]]))
         # Not what ends beside it.
         near = (along > _MAP_END) & (along < _BEYOND) & (across < along * math.tan(_BEYOND_ANGLE))
@@ -207,6 +223,15 @@ class MapEnds:
         row = self._rows[number]
         line: Floats = 0.5 * (self._lanelets.left[row] + self._lanelets.right[row])
         return line
+
+    def _length(self, number: int) -> float:
+        return float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
+
+    def _end(self, number: int) -> tuple[Floats, Floats]:
+        """The last point of a lanelet [m], and where it heads there."""
+        line = self._centre(number)
+        ahead = line[-1] - line[-2]
+        return line[-1], ahead / max(float(np.hypot(*ahead)), 1e-9)
 
     @cached_property
     def _points(self) -> Floats:
@@ -226,10 +251,9 @@ class MapEnds:
         for number in numbers:
             if lanelets.successors[self._rows[number]] or number in self._led_from:
                 continue
-            end = float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
             found += [
                 Shape("polygon", vertices=np.asarray(polygon))
-                for polygon in self._road.lane_stretch(number, end, before, 0.0)
+                for polygon in self._road.lane_stretch(number, self._length(number), before, 0.0)
             ]
         return tuple(found)
 
