@@ -200,6 +200,34 @@ def test_an_agent_that_stands_for_two_minutes_stays_in_sumo_and_is_gone_when_it_
     traffic.close()
 
 
+def entering_late(folder, time_step):
+    """The scenario with its problem that many time steps later."""
+    scenario = idr.read_source(folder)
+    problem = scenario.planning_problems[0]
+    start = replace(problem.initial_state, time_step=time_step)
+    first, last = problem.goal[0].time_step
+    goal = tuple(replace(one, time_step=(first + time_step, last + time_step)) for one in problem.goal)
+    return replace(scenario, planning_problems=(replace(problem, initial_state=start, goal=goal),))
+
+
+def test_nobody_vanishes_when_the_only_agent_enters(crossing):
+    scenario = entering_late(crossing, 60)
+    run = idr.simulate(scenario, predictor="lane_following", threads=1, settings={"step.max_steps": 80})
+    there = run.states.valid[np.searchsorted(run.states.participant_id, run.sumo.participant_id)]
+    assert there[:, 59].sum() >= 2
+    assert (np.abs(np.diff(there.astype(int), axis=1)).sum(axis=1) <= 2).all(), "each comes and goes once"
+    assert there[:, 60].sum() >= there[:, 59].sum() - 1
+
+
+def test_nobody_vanishes_while_the_only_agent_waits_longer_than_stated(crossing):
+    scenario = entering_late(crossing, 30)
+    traffic = Traffic(scenario, Simulation(scenario, threads=1).agents, 300.0, 0)
+    traffic.first(0)
+    counts = [len(traffic.step(step, [], np.empty((0, 6)))[1]) for step in range(90)]
+    traffic.close()
+    assert min(counts[60:]) >= 2
+
+
 def test_the_files_of_the_folder_stay_as_they_are(crossing):
     before = {file.name: file.read_bytes() for file in crossing.iterdir()}
     idr.simulate(standing(crossing, 80.0, velocity=5.0), threads=1)

@@ -89,6 +89,7 @@ class Traffic:
         self._signals: list[Ints] = []
         self._n_shown = 0
         self._placed: set[int] = set()
+        self._waiting = set(self._agents)
         self._near: set[_Name] = set()
         self._begin = 0
         self._kinds: dict[_Name, _Known] = {}
@@ -145,12 +146,14 @@ class Traffic:
             "lights": self._shown(time_step),
         }
         self._placed = set(ids)
+        # Some wait for longer than stated.
+        self._waiting -= self._placed
         before = self._there
         self._gone |= self._leaving
         self._leaving = set()
         self._take(self._process.step(request, time_step))
-        waiting = [a for a in self._agents.values() if a.initial_state.time_step > time_step + 1]
-        places = [*(tuple(state[:2]) for state in poses.values()), *(_pose(agent)[:2] for agent in waiting)]
+        places = [*(tuple(state[:2]) for state in poses.values())]
+        places += [_pose(agent)[:2] for number, agent in self._agents.items() if number in self._waiting]
         jumped = [name for name, one in self._there.items() if name in before and self._jumps(before[name], one)]
         return self._outside(places, jumped)
 
