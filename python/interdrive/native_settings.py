@@ -608,7 +608,8 @@ class CoreStepSettings:
             not enter at all. 0: it enters at its time, come what may. Between 0 and 100000.
         max_steps: Largest number of time steps of a run; agents still driving then end with time_limit. 0: the
             largest of 5000, twice the recorded time steps, and the time steps that the goals of all agents need (up
-            to 20000). Between 0 and 1000000.
+            to 20000; up to 1000000 for those of generated vehicles). A run without agents ends when `step.duration`
+            says, but no later than this. Between 0 and 1000000.
         standstill_s: Time without any motion, plus the longest cycle of traffic lights, after which a run ends,
             provided that nothing can set an agent in motion any more; its agents end with time_limit. inf: never.
             The default, our choice, is several times longer than any rule of the road lets an agent stand.

@@ -155,7 +155,8 @@ class Simulation:
         self.agents = sorted([*chosen, *self.traffic.agents], key=lambda agent: agent.id)
         self._notes = [*self.scenario.notes, *notes]
         recorded = set(self.scenario.obstacles.ids.tolist())
-        self._steps_without_agents = self.settings.step.steps_without_agents(self.scenario, self.settings.traffic)
+        step, traffic_settings = self.settings.step, self.settings.traffic
+        self._steps_without_agents = 0 if self.agents else step.steps_without_agents(self.scenario, traffic_settings)
         if not self.agents and not self._steps_without_agents:
             raise InputError(f"{self.scenario.name}: has no traffic; without agents nothing happens")
         self._configs, notes = agent_configs(
@@ -240,7 +241,7 @@ class Simulation:
 
     @property
     def is_done(self) -> bool:
-        """Whether every agent has its outcome."""
+        """Whether every agent has its outcome; without agents, whether the time is over."""
         return self.world.is_done
 
     @property
@@ -251,7 +252,7 @@ class Simulation:
     def step(self) -> None:
         """Simulates one time step: all agents observe, predict and plan on the same scene, then all move at once.
 
-        Does nothing once every agent has its outcome.
+        Does nothing once the run is over (see `is_done`).
 
         Raises:
             PredictorError: The predictor raised an exception or returned invalid predictions.
@@ -325,7 +326,7 @@ class Simulation:
         self._called.move({i: self._configs[i].planner.make for i in willing}, stage, self.threads)
 
     def run(self, on_step: Callable[[int, int, int, int], None] | None = None) -> Run:
-        """Steps until every agent has its outcome.
+        """Steps until every agent has its outcome; without agents, until the time is over.
 
         Args:
             on_step: Called after every step with time step, driving agents, all agents, latest possible time step.
@@ -553,7 +554,7 @@ def simulate(
     on_planner_error: Literal["end_agent", "raise"] = "end_agent",
     on_step: Callable[[int, int, int, int], None] | None = None,
 ) -> Run:
-    """Runs a scenario until every agent has its outcome.
+    """Runs a scenario until every agent has its outcome; without agents, until the time is over.
 
     Args:
         scenario: Path of a CommonRoad file, name of a shipped scenario, `interdrive.Scenario`, or a pair of objects of

@@ -6,6 +6,7 @@ from click.testing import CliRunner
 
 import interdrive as idr
 from interdrive.cli import main
+from interdrive.plots import draw_run
 from interdrive.simulation import Simulation
 from interdrive.testing import Car, problem, straight_road, world
 
@@ -59,6 +60,29 @@ def test_a_map_on_which_traffic_draws_nobody_is_empty_for_its_duration():
     run = idr.simulate(empty, agents=0, traffic="rate=0.001,duration=5", threads=1)
     assert (run.states.n_steps, len(run.agents)) == (51, 0)
     assert run.demand.agent_id.tolist() == []
+
+
+def test_with_generated_traffic_its_own_duration_counts():
+    empty = world(straight_road(200.0, 1), steps=0)
+    settings = {"step.duration": 2.0}
+    run = idr.simulate(empty, agents=0, traffic="rate=0.001,duration=5", settings=settings, threads=1)
+    assert run.states.n_steps == 51
+
+
+def test_more_than_a_million_steps_are_refused_unless_the_most_steps_are_stated():
+    often = world(straight_road(200.0, 1), cars=[Car(7, x=50.0, velocity=10.0)], steps=200, dt=0.01)
+    with pytest.raises(idr.InputError, match=r"^step.duration: 20000 s are more than 1000000 time steps.*10000 s$"):
+        Simulation(often, agents=0, settings={"step.duration": 2e4})
+    few = {"step.duration": 2e4, "step.max_steps": 20}
+    assert Simulation(often, agents=0, settings=few, threads=1).world.last_time_step == 20
+    Simulation(often, agents=[7], settings={"step.duration": 2e4}, threads=1)
+
+
+def test_a_picture_of_such_a_run_has_no_starts_and_no_times():
+    alone, driven = (draw_run(idr.simulate(cars(), agents=agents, threads=1)) for agents in (0, [7]))
+    labels = [[text.get_text() for text in figure.legends[0].get_texts()] for figure in (alone, driven)]
+    assert ["start" in one for one in labels] == [False, True]
+    assert [len(figure.axes) for figure in (alone, driven)] == [1, 2]
 
 
 def test_nothing_at_all_is_refused():

@@ -10,7 +10,9 @@ import pytest
 
 import interdrive as idr
 from interdrive import InputError
+from interdrive.errors import InterdriveError
 from interdrive.files.sumo_config import NotUnderstoodError, values_of
+from interdrive.simulation import Simulation
 
 #: Steps before the run, steps, seed and width of sublanes [m] of published scenarios.
 STATED = {
@@ -117,6 +119,28 @@ def test_what_cannot_be_used_is_refused_in_one_line(crossing, spoil, line):
 def test_the_end_of_the_configuration_ends_it(crossing, end, steps):
     edited(crossing, "crossing.sumocfg", '<begin value="0"/>', f'<begin value="0"/>{end}')
     assert idr.read_source(crossing).sumo.n_steps == steps
+
+
+def with_end(folder, end):
+    edited(folder, "crossing.sumocfg", '<begin value="0"/>', f'<begin value="0"/><end value="{end}"/>')
+    return folder
+
+
+@pytest.mark.parametrize("end", ["1e9", "1e308", "99999999999999999999"])
+def test_an_end_after_more_than_a_million_steps_needs_a_duration(crossing, end):
+    with pytest.raises(InputError, match=r"^step.duration: crossing takes more than 1000000 time steps"):
+        Simulation(with_end(crossing, end), agents=0)
+
+
+def test_with_a_duration_or_agents_a_late_end_does_no_harm(crossing):
+    scenario = idr.read_source(with_end(crossing, "1e9"))
+    assert idr.simulate(scenario, agents=0, settings={"step.duration": 0.2}, threads=1).states.n_steps == 3
+    assert not Simulation(scenario, threads=1).is_done
+
+
+def test_an_end_that_sumo_cannot_read_is_refused_by_sumo(crossing):
+    with pytest.raises(InterdriveError, match="'1e308' exceeds the time value range"):
+        Simulation(with_end(crossing, "1e308"), threads=1)
 
 
 @pytest.mark.parametrize("name", STATED)

@@ -51,8 +51,8 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
     "--agents",
     metavar="all|reachable|problems|N|ID,ID",
     help="Agents: all, reachable (recorded vehicles that are in time), problems (planning problems only), a number "
-    "chosen with the seed (0: nobody plans), or ids. A single id is an id if there are fewer agents than that; '7,' "
-    "always is.",
+    "chosen with the seed (0: none of the file), or ids. A single id is an id if there are fewer agents than that; "
+    "'7,' always is.",
 )
 @click.option(
     "--planner",

@@ -43,7 +43,8 @@ def print_flows(rows: Sequence[LaneFlow]) -> None:
     print_table(console, table, 2)
     left_out = sum(row.left_out for row in rows if row.side == "in")
     if left_out:
-        console.print(f"{said_count(left_out, 'vehicle')} had not entered at the end, and waited longer", style="dim")
+        still = f"{said_count(left_out, 'vehicle')} had still not entered at the end"
+        console.print(f"{still}; {'its wait counts' if left_out == 1 else 'their waits count'} until then", style="dim")
     if len(rows) > _LANES_MAX:
         console.print(f"{len(rows) - _LANES_MAX} more lanes: interdrive.run.flows.lane_flows", style="dim")
 

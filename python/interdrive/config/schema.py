@@ -16,6 +16,7 @@ from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario import SourceOptions
 from interdrive.scenario.agents import AgentSettings, GoalSettings
+from interdrive.scenario.limits import MOST_STEPS
 from interdrive.sumo.settings import SumoSettings
 from interdrive.traffic.settings import TrafficSettings
 
@@ -30,8 +31,8 @@ class StepSettings(CoreStepSettings):
     Attributes:
         planner_timeout_s: Time limit per plan of a planner in Python; inf: no limit. With a limit, outcomes depend on
             the speed of the machine.
-        duration: How long a run without agents takes. 0: until the end of what else is there: the recording, the
-            scenario of SUMO, or `traffic.duration`.
+        duration: How long a run without agents takes, at most 1000000 time steps. 0: until the recording or the
+            scenario of SUMO ends. With generated traffic `traffic.duration` counts in its place. Between 0 and 100000.
     """
 
     planner_timeout_s: Annotated[float, "s"] = math.inf
@@ -54,15 +55,26 @@ class StepSettings(CoreStepSettings):
         return _core.steps_at_most(self, scenario.obstacles.n_steps, problems)
 
     def steps_without_agents(self, scenario: Scenario, traffic: TrafficSettings) -> int:
-        """Number of time steps of a run that has no agents."""
-        seconds = self.duration or (traffic.duration if traffic.is_on else 0.0)
+        """Number of time steps of a run that has no agents.
+
+        Raises:
+            InputError: There are too many.
+        """
+        seconds = traffic.duration if traffic.is_on else self.duration
         if seconds > 0.0:
             found = math.ceil(seconds / scenario.dt - 1e-9)
         elif scenario.sumo is not None:
             found = scenario.sumo.n_steps
         else:
             found = 0 if scenario.obstacles.is_static.all() else scenario.obstacles.n_steps - 1
-        return min(found, self.max_steps or found)
+        found = min(found, self.max_steps or found)
+        if found > MOST_STEPS:
+            stated = f"{seconds:g} s are" if seconds > 0.0 else f"{scenario.name} takes"
+            most = MOST_STEPS * scenario.dt
+            raise InputError(
+                "step.duration", f"{stated} more than {MOST_STEPS} time steps; set it to at most {most:g} s"
+            )
+        return found
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,8 @@ _INPUTS = {
 _WRITING = re.compile(r"output|log$|^save-|^write-|^gui|^remote|^num-clients|state|^load|verbose|prefix|configuration")
 #: Attributes in files of SUMO that name files.
 _FILE_ATTRIBUTES = ("file", "output", "outputFile", "sourceFile", "href")
-#: Time steps of a scenario that states no end.
-_USUAL_STEPS = 300
+#: Time steps of a scenario that states no end, and the most that one may state.
+_USUAL_STEPS, _STEPS_MAX = 300, 2**31 - 1
 #: Sublanes are no wider [m].
 _WIDEST = 100.0
 
@@ -222,7 +222,7 @@ def _number(document: Element, option: str) -> float | None:
 def _n_steps(document: Element, said: dict[str, Any], dt: float) -> int:
     """Time steps from the first one of the run to the end of the scenario."""
     begin, end = _number(document, "begin") or 0.0, _number(document, "end") or 0.0
-    stated = round((end - begin) / dt) - _whole(said, "presimulation_steps", 0)
+    stated = round(min((end - begin) / dt, _STEPS_MAX)) - _whole(said, "presimulation_steps", 0)
     return max(1, _whole(said, "simulation_steps", stated if stated > 0 else _USUAL_STEPS))
 
 

@@ -96,8 +96,9 @@ def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str = "recorded
     _draw_scale(axes, run, view, width)
     tight = {"handletextpad": 0.3, "columnspacing": 1.0, "borderpad": 0.2, "labelspacing": 0.35}
     add_legend(figure, handles, "lower left", ncols=columns, fontsize=_FONT, **tight)
-    # Beside the legend, or between it and the picture.
-    _draw_color_bar(figure, times, (strip - 4.0 * MM) if bar_row else 6.2 * MM)
+    if run.agents:
+        # Beside the legend, or between it and the picture.
+        _draw_color_bar(figure, times, (strip - 4.0 * MM) if bar_row else 6.2 * MM)
     return figure
 
 
@@ -248,7 +249,8 @@ def _free_corners(run: RunRecord, view: View) -> list[Floats]:
 
 def _legend_handles(run: RunRecord, others: str) -> list[Any]:
     handles: list[Any] = list(mark_handles(run.outcomes.outcome, count=True))
-    handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
+    if run.agents:
+        handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
     if any(agent.goal_areas for agent in run.agents):
         handles.append(Patch(fc=_GOAL_FILL, ec=GOAL, lw=0.4, ls=_GOAL_DASHES, label="goal area"))
     if (~run.states.is_agent).any():

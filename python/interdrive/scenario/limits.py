@@ -40,6 +40,8 @@ ROOM_BEYOND_MAP = 1e6
 LONGEST_RECORDING = 1e5
 #: Size of a footprint [m]: walls and buildings are obstacles, too.
 SMALLEST_SIZE, LARGEST_FOOTPRINT = 1e-6, 1e5
+#: Time steps of a run that is as long as its settings say.
+MOST_STEPS = 1_000_000
 #: Speed limits above this [m/s] are probably in a wrong unit and are ignored.
 LARGEST_SPEED_LIMIT = 150.0
 #: Those above this [m/s] (162 km/h) are kept, and noted.

@@ -11,7 +11,7 @@ import numpy as np
 from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.scenario.known_goals import MapEnds
-from interdrive.scenario.limits import LARGEST_ID
+from interdrive.scenario.limits import LARGEST_ID, MOST_STEPS
 from interdrive.traffic.arrivals import due_times, vehicles
 from interdrive.traffic.filling import filled
 from interdrive.traffic.journeys import JourneyMaker, Wish
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from interdrive.traffic.settings import TrafficSettings
 
 S = TypeVar("S", bound="CoreStepSettings")
-
-
-#: Largest number of time steps of a run.
-_STEPS_MAX = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -61,7 +57,7 @@ class Generated:
         starts = [max(agent.initial_state.time_step, (agent.queue or (0, 0))[1]) for agent in self.agents]
         needed = max((start + int(step.grace_factor * end) for start, end in zip(starts, ends, strict=True)), default=0)
         most = _core.steps_at_most(step, scenario.obstacles.n_steps, [])
-        return step if step.max_steps or needed <= most else replace(step, max_steps=min(needed, _STEPS_MAX))
+        return step if step.max_steps or needed <= most else replace(step, max_steps=min(needed, MOST_STEPS))
 
 
 class TrafficMaker:
@@ -89,7 +85,7 @@ class TrafficMaker:
                 f"{settings.warm_up:g} s leave nothing of traffic.duration ({settings.duration:g} s) to count",
             )
         needed = math.ceil(settings.duration / scenario.dt)
-        most = step.max_steps or _STEPS_MAX
+        most = step.max_steps or MOST_STEPS
         if needed > most:
             raise InputError(
                 "traffic.duration",
