@@ -156,8 +156,6 @@ def test_agents_of_the_file_stay_unless_they_are_left_out():
     assert [agent.origin for agent in both.agents if agent.id == 9] == ["planning problem"]
     alone = run_of(scenario, "idm,rate=600,duration=10")
     assert not {3, 9} & set(alone.states.participant_id.tolist())
-    with pytest.raises(idr.InputError, match="must be at least 1"):
-        idr.simulate(scenario, agents=0)
 
 
 def test_a_run_folder_keeps_the_demand_and_repeats(tmp_path):
