@@ -406,7 +406,7 @@ def test_one_vehicle_does_not_look_for_a_while_and_the_agent_perceives_others_wi
     assert way.agents == (AGENT, LEADER), "it drives by a planner"
     wrong = {"perception": 0.2, "delay": 1.0, "speed_error": 0.5, "error_seed": 0.5}
     change = disturbance(space, "idm", pair, list({**point, **wrong}.values()))
-    assert change.words() == ("the agent perceives others 0.30 s late; the agent perceives speeds with errors of 5.0%")
+    assert change.words() == ("the agent perceives others 0.30 s late; the agent perceives speeds with errors of 5 %")
     way = in_disturbed(drive_of(scenario(), AGENT, Drivers("idm", "idm", "lane_following")), change)
     assert way.planners[AGENT] == "idm,view.delay=0.3,view.speed_error=0.05,view.error_seed=2147483647"
     assert disturbance(space, "idm", pair, list({**point, **wrong, "perception": 0.3}.values())).perception == {}
@@ -417,7 +417,7 @@ def test_a_failure_by_what_the_agent_perceives_is_repeated_to_the_bit(file, tmp_
     found = searched(file, tmp_path / "out", RUNS, planner="idm", space=space, keep=1, stop_after=1)
     (one,) = found.failures
     assert (one.failure, one.drive.perception["missed"]) == ("ran_into", 1.0)
-    assert "misses others in 100.0% of the time steps" in one.disturbance
+    assert "misses others in 100 % of the time steps" in one.disturbance
     assert replay(one)[1]
     out = tmp_path / "again"
     ran = CliRunner().invoke(main, ["run", "--config", str(one.folder / "run.toml"), "--out", str(out), "--quiet"])
@@ -537,6 +537,9 @@ def test_a_folder_with_something_else_is_not_touched(done, file, tmp_path):
         ("v2x_loss = [0.0, 2.0]", "v2x_loss: must be from 0 to 1, is 2"),
         ("missed = [0.0, 1.5]", "missed: must be from 0 to 1, is 1.5"),
         ("delay = [-0.1, 0.3]", "delay: must not be negative, is -0.1"),
+        ("delay = [0.0, 11.0]", "delay: must be at most 10, is 11"),
+        ("position_error = [0.0, 101.0]", "position_error: must be at most 100, is 101"),
+        ("speed_error = [0.0, 11.0]", "speed_error: must be at most 10, is 11"),
         ("occlusion = -0.5", "occlusion: must be from 0 to 1, is -0.5"),
         ("=", "not a TOML file"),
     ],

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 #: What the agent's errors of perception are called, by the setting of its view.
 _PERCEPTION = {
-    "delay": "perceives others {:.2f} s late",
-    "position_error": "perceives positions with errors of {:.2f} m",
-    "speed_error": "perceives speeds with errors of {:.1%}",
-    "missed": "misses others in {:.1%} of the time steps",
+    "delay": "perceives others {value:.2f} s late",
+    "position_error": "perceives positions with errors of {value:.2f} m",
+    "speed_error": "perceives speeds with errors of {share:.3g} %",
+    "missed": "misses others in {share:.3g} % of the time steps",
 }
 
 
@@ -99,7 +99,7 @@ class Disturbance:
         if self.loss is not None:
             said.append(f"{100.0 * self.loss:.0f} % of messages are lost")
         said += [
-            f"the agent {_PERCEPTION[name].format(value)}"
+            f"the agent {_PERCEPTION[name].format(value=value, share=100.0 * value)}"
             for name, value in self.perception.items()
             if name in _PERCEPTION
         ]

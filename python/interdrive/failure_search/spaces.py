@@ -39,8 +39,10 @@ RECORDED = "recorded"
 #: Coordinates of the error, and of what the agent sees, behind those of the other vehicles.
 _OF_ERROR = ("error", "error_by", "error_time", "error_size")
 _OF_SIGHT = ("sight", "occlusion")
-#: Settings of the view that are errors of perception, and what says whether there are any, and which.
+#: Settings of the view that are errors of perception, their largest values, and what says whether there are any, and
+#: which.
 _ERRORS_OF_PERCEPTION = ("delay", "position_error", "speed_error", "missed")
+_LARGEST = {"delay": 10.0, "position_error": 100.0, "speed_error": 10.0}
 _OF_PERCEPTION = ("perception", *_ERRORS_OF_PERCEPTION, "error_seed")
 _SEEDS = 2**32
 #: That of messages, where there are any.
@@ -106,13 +108,7 @@ class Space:
             "v2x_loss": self.v2x_loss,
             **{name: getattr(self, name) for name in _ERRORS_OF_PERCEPTION},
         }
-        for name, (low, high) in bounds.items():
-            if not -math.inf < low <= high < math.inf:
-                raise InputError(name, f"needs two finite bounds, the lower one first, not {low:g} and {high:g}")
-            if name in ("start_speed", "sight", "quantiles") and not low > 0.0:
-                raise InputError(name, f"must be positive, is {low:g}")
-            if name in ("error_time", *_ERRORS_OF_PERCEPTION) and not low >= 0.0:
-                raise InputError(name, f"must not be negative, is {low:g}")
+        _check_bounds(bounds)
         if not self.quantiles[1] < 1.0:
             raise InputError("quantiles", f"must be below 1, is {self.quantiles[1]:g}")
         for name in self.errors:
@@ -192,6 +188,18 @@ class Space:
         if self.v2x_loss != Space.v2x_loss:
             raise InputError("v2x_loss", "no vehicle has V2X; set v2x.penetration")
         return replace(self, v2x_loss=(0.0, 0.0))
+
+
+def _check_bounds(bounds: dict[str, tuple[float, float]]) -> None:
+    for name, (low, high) in bounds.items():
+        if not -math.inf < low <= high < math.inf:
+            raise InputError(name, f"needs two finite bounds, the lower one first, not {low:g} and {high:g}")
+        if name in ("start_speed", "sight", "quantiles") and not low > 0.0:
+            raise InputError(name, f"must be positive, is {low:g}")
+        if name in ("error_time", *_ERRORS_OF_PERCEPTION) and not low >= 0.0:
+            raise InputError(name, f"must not be negative, is {low:g}")
+        if high > _LARGEST.get(name, math.inf):
+            raise InputError(name, f"must be at most {_LARGEST[name]:g}, is {high:g}")
 
 
 def with_drivers(traffic: str, space: Space) -> tuple[str, Space]:
