@@ -566,14 +566,16 @@ class ViewSettings:
         occlusion: Agents do not see participants whose footprints are completely covered by nearer ones, seen from
             the centre of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers.
             Agents are careful at junctions where something is hidden (`rules.unseen`).
-        delay: How late it perceives where others are. A participant that has just come is perceived where it came.
+        delay: Delay with which it perceives others, at most the past that is kept (`step.history_steps`). A
+            participant that has just come is perceived as if it had come before, at the speed that it came with.
             Between 0 and 10.
         position_error: Standard deviation of the errors of the positions of others that it perceives, in x and in
             y. Errors change within a second. Between 0 and 100.
         speed_error: Standard deviation of the errors of their speeds, as a share of the speed. Between 0 and 10.
         missed: Share of the time steps at which it does not perceive a participant that it sees. Between 0 and 1.
-        error_seed: Which errors of perception these are. Between 0 and 4294967295.
-        inattentive_from: From when on it is inattentive, after its start. Between 0 and 100000.
+        error_seed: Seed of the errors of perception. It does not follow the seed of the run. Between 0 and
+            4294967295.
+        inattentive_from: Time after its start from which it does not look. Between 0 and 100000.
         inattentive_for: For how long it does not look at all: it goes on with the plan that it has, at most to its
             end. Between 0 and 100000.
     """

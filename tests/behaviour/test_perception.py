@@ -76,8 +76,32 @@ def test_who_is_late_perceives_where_others_were_and_expects_them_from_there():
     assert np.array_equal(late[:, 0], exact[:, 0]), "it knows where it is itself"
     assert np.array_equal(late[3:, 4], x[: len(late) - 3])
     assert np.array_equal(late[6:, 1], x[: len(late) - 6]), "in the past, too"
-    assert np.array_equal(late[:3, 4], [x[0]] * 3), "it came there"
+    assert late[:3, 4] == pytest.approx(x[0] - np.array([3.6, 2.4, 1.2])), "m: as if it had come before, at 12 m/s"
     assert late[10, 6] == pytest.approx(x[7] + 1.2), "m: 0.1 s on at 12 m/s"
+
+
+def test_who_is_late_does_not_take_a_recorded_car_at_its_begin_for_a_standing_one():
+    cars = [Car(1, 20.0, velocity=12.0), Car(2, 45.0, velocity=12.0)]
+    scenario = world(straight_road(400.0), cars=cars, steps=STEPS)
+    run = idr.simulate(scenario, agents=[1], planner="idm", settings={"view.delay": 0.3}, threads=1)
+    row = run.states.participant_id.tolist().index(1)
+    assert np.nanmin(run.states.acceleration[row, :20]) > -1.0, "m/s²"
+
+
+def test_a_message_makes_up_for_a_participant_that_is_missed():
+    v2x = {"v2x.penetration": 1.0}
+    for settings, is_known in (({}, False), (v2x, True)):
+        Noting.seen.clear()
+        cars = [Car(1, 20.0, velocity=12.0), Car(2, 50.0, velocity=12.0)]
+        idr.simulate(
+            world(straight_road(400.0), cars=cars, steps=STEPS),
+            agents=[1, 2],
+            planner={1: Noting, "default": "idm"},
+            views={1: {"missed": 1.0}},
+            settings=settings,
+            threads=1,
+        )
+        assert (not np.isnan(np.array(Noting.seen)[10:, 4]).any()) == is_known
 
 
 def test_errors_of_position_and_speed_have_their_spread_and_are_those_of_the_seed():
@@ -130,3 +154,11 @@ def test_others_are_not_affected_by_what_one_agent_perceives():
 def test_errors_that_cannot_be_are_refused(name, value, words):
     with pytest.raises(idr.InputError, match=f"{name}.*{words}"):
         drive({name: value})
+
+
+def test_a_delay_beyond_the_past_that_is_kept_is_refused():
+    words = "view.delay of 1.1 s is longer than the past that is kept: 1 s, see step.history_steps"
+    view = {"view.delay": 1.1, "step.history_steps": 10}
+    with pytest.raises(idr.InputError, match=words):
+        idr.simulate(leader_brakes(), agents=[1], planner="idm", settings=view, threads=1)
+    idr.simulate(leader_brakes(), agents=[1], planner="idm", settings={**view, "view.delay": 1.0}, threads=1)

@@ -68,6 +68,21 @@ def traffic_of_all_sorts():
     return replace(made, obstacles=replace(made.obstacles, velocity=stated))
 
 
+def test_a_learner_does_not_observe_a_car_that_it_misses_and_is_not_late():
+    ahead = [Car(7, 50.0, 0.0, 10.0)]
+    missed, late = ({f"simulation.view.{name}": 1.0} for name in ("missed", "delay"))
+    exact, nobody = (coasted(on_a_road(cars), 3) for cars in (ahead, []))
+    never = coasted(on_a_road(ahead, **missed), 3)
+    assert np.array_equal(never, nobody)
+    assert not np.array_equal(exact, nobody)
+    assert np.array_equal(coasted(on_a_road(ahead, **late), 3), exact)
+
+
+def test_a_learner_cannot_be_later_than_the_past_that_is_kept():
+    with pytest.raises(InputError, match=r"view\.delay of 4 s is longer than the past that is kept: 3 s"):
+        on_a_road([], **{"simulation.view.delay": 4.0})
+
+
 @pytest.mark.parametrize("scenario", [traffic_of_all_sorts(), "t_junction", "signals"])
 @pytest.mark.parametrize("sensor_radius", [35.0, 80.0])
 @pytest.mark.parametrize("scene", ["observation.raster", "observation.predictions"])

@@ -5,6 +5,7 @@ mod contact;
 pub use contact::PlacedBody;
 pub mod line_of_sight;
 mod perception;
+pub use perception::Perceived;
 
 use std::sync::Arc;
 
@@ -90,7 +91,8 @@ settings! {
         /// of the agent's own footprint. Everything but pedestrians, bicycles and motorcycles covers. Agents are
         /// careful at junctions where something is hidden (`rules.unseen`).
         occlusion: bool = false;
-        /// How late it perceives where others are. A participant that has just come is perceived where it came.
+        /// Delay with which it perceives others, at most the past that is kept (`step.history_steps`). A participant
+        /// that has just come is perceived as if it had come before, at the speed that it came with.
         delay: f64 ["s"] = 0.0, between(0.0, 10.0);
         /// Standard deviation of the errors of the positions of others that it perceives, in x and in y. Errors change
         /// within a second.
@@ -99,9 +101,9 @@ settings! {
         speed_error: f64 = 0.0, between(0.0, 10.0);
         /// Share of the time steps at which it does not perceive a participant that it sees.
         missed: f64 = 0.0, between(0.0, 1.0);
-        /// Which errors of perception these are.
+        /// Seed of the errors of perception. It does not follow the seed of the run.
         error_seed: usize = 0, between(0.0, u32::MAX as f64);
-        /// From when on it is inattentive, after its start.
+        /// Time after its start from which it does not look.
         inattentive_from: f64 ["s"] = 0.0, between(0.0, 1e5);
         /// For how long it does not look at all: it goes on with the plan that it has, at most to its end.
         inattentive_for: f64 ["s"] = 0.0, between(0.0, 1e5);
@@ -203,17 +205,22 @@ impl Scene {
     /// 0.6 s, so that neither noise nor a dab of the brakes counts for much. 0 for a participant that was absent then, or
     /// whose stated speed is contradicted by its motion.
     pub fn observed_braking(&self, row: usize) -> f64 {
+        self.observed_braking_at(row, self.time_step).expect("rows in `present` have a state now")
+    }
+
+    /// The same as it could be observed at a time step of the past; `None` where the participant was absent.
+    fn observed_braking_at(&self, row: usize, time_step: i64) -> Option<f64> {
         const WINDOWS: [f64; 2] = [0.3, 0.6];
-        let now = self.state(row).velocity;
-        if self.observed_velocity(row).to_bits() != now.to_bits() {
-            return 0.0;
+        let then = self.past.get(row, time_step)?.velocity;
+        if self.observed_velocity_at(row, time_step)?.to_bits() != then.to_bits() {
+            return Some(0.0);
         }
         let over = |window: &f64| {
             let steps = (window / self.dt).round().max(1.0);
-            let before = self.past.get(row, self.time_step - steps as i64)?;
-            Some((before.velocity - now) / (steps * self.dt))
+            let before = self.past.get(row, time_step - steps as i64)?;
+            Some((before.velocity - then) / (steps * self.dt))
         };
-        WINDOWS.iter().filter_map(over).reduce(f64::min).map_or(0.0, |braking| braking.max(0.0))
+        Some(WINDOWS.iter().filter_map(over).reduce(f64::min).map_or(0.0, |braking| braking.max(0.0)))
     }
 
     /// The speed as it could be observed at a time step of the past; `None` where the participant was absent.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use interdrive_core::predict::completed;
-use interdrive_core::scene::Scene;
+use interdrive_core::scene::{Perceived, Scene};
 use interdrive_core::trajectory::{Predictions, State};
 use interdrive_core::v2x::{Known, SharedPredictions};
 use interdrive_core::world::Expected;
@@ -284,13 +284,13 @@ impl PyPredictions {
     }
 
     /// The same for an agent that perceives a scene otherwise; rows from `last` on stay as they are.
-    pub fn perceived(self, truth: &Scene, seems: &Scene, last: usize) -> Self {
+    pub fn perceived(self, truth: &Scene, seems: &Perceived, last: usize) -> Self {
         let ids = &truth.participants.ids;
         let rows = self.rows.clone().unwrap_or_else(|| (0..self.table.ids.len()).collect());
         let row_of = |place: usize| {
             let is_it = |row: &usize| *row < last && self.table.ids[*row] == ids[truth.present[place]];
             rows.iter().copied().find(is_it)
         };
-        Self { table: Arc::new(truth.expected_of(seems, &self.table, &row_of)), ..self }
+        Self { table: Arc::new(seems.expected(truth, &self.table, &row_of)), ..self }
     }
 }

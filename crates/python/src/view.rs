@@ -9,7 +9,7 @@ use interdrive_core::geometry::shape::OrientedBox;
 use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::{PLAN_POINTS_MAX, StatedPlan, check_motion, check_plan};
 use interdrive_core::road::RoadNetwork;
-use interdrive_core::scene::{PlacedBody, Scene};
+use interdrive_core::scene::{Perceived, PlacedBody, Scene};
 use interdrive_core::trajectory::State;
 use interdrive_core::world::{Agent, Progress};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
@@ -37,8 +37,8 @@ pub struct KnownBody {
 pub struct PyView {
     /// As the agent perceives it.
     pub scene: Arc<Scene>,
-    /// As it is, if the agent perceives something else.
-    pub truth: Option<Arc<Scene>>,
+    /// As it is, and how it seems, if the agent perceives something else.
+    pub perceived: Option<(Arc<Scene>, Perceived)>,
     pub visible: Vec<usize>,
     /// All participants that it knows of, if it has V2X.
     pub known: Option<Vec<KnownBody>>,
@@ -270,8 +270,8 @@ impl PyPredictions {
         };
         // What it was told has no errors.
         let last = told.map_or(usize::MAX, |(told, _)| told.n_present());
-        Ok(match &view.truth {
-            Some(truth) => found.perceived(truth, &view.scene, last),
+        Ok(match &view.perceived {
+            Some((truth, seems)) => found.perceived(truth, seems, last),
             None => found,
         })
     }

@@ -193,8 +193,7 @@ impl PyWorld {
             Some(told) => progress(told)?,
             None => self.0.progress(id).map_err(exception)?,
         };
-        let seems = scene.scene.perceived_by(row, &agent.view).map(Arc::new);
-        let truth = seems.as_ref().map(|_| Arc::clone(&scene.scene));
+        let seems = scene.scene.perceived_by(row, &agent.view);
         Ok(PyView {
             visible,
             known: known.map(|known| known.into_iter().map(|parts| body(&scene.scene, parts)).collect()),
@@ -202,8 +201,8 @@ impl PyWorld {
             state: scene.scene.state(row),
             progress,
             speed_limit: self.0.speed_limits(id).map_err(exception)?,
-            scene: seems.unwrap_or_else(|| Arc::clone(&scene.scene)),
-            truth,
+            scene: seems.as_ref().map_or_else(|| Arc::clone(&scene.scene), |seems| Arc::clone(&seems.scene)),
+            perceived: seems.map(|seems| (Arc::clone(&scene.scene), seems)),
             road: Arc::clone(&self.0.scenario().road),
             agent,
         })

@@ -1,6 +1,8 @@
 //! What an agent perceives of those that it sees: late, elsewhere and at another speed than they are, and not at every
 //! time step. Errors are a pure function of seed, agent, participant and time, so a run that is repeated has them, too.
 
+use std::sync::Arc;
+
 use super::{Scene, ViewLimits};
 use crate::draws::{normal, uniform};
 use crate::geometry::Point;
@@ -8,8 +10,6 @@ use crate::trajectory::{Predictions, State};
 
 /// Errors change within this time [s].
 const LASTING: f64 = 1.0;
-/// Below this speed [m/s] a participant is expected to go as far as it is.
-const SLOW: f64 = 0.5;
 /// What a number is drawn for.
 const X: i64 = 0;
 const Y: i64 = 1;
@@ -23,7 +23,7 @@ impl ViewLimits {
     }
 
     /// One participant, by their ids, does not perceive another one at a time step although it sees it.
-    pub(super) fn misses(&self, ids: [i64; 2], time_step: i64) -> bool {
+    pub(crate) fn misses(&self, ids: [i64; 2], time_step: i64) -> bool {
         self.missed > 0.0 && uniform(self.error_seed as u64, &[MISSED, ids[0], ids[1], time_step]) < self.missed
     }
 
@@ -36,74 +36,156 @@ impl ViewLimits {
         ((1.0 - share) * drawn(knot) + share * drawn(knot + 1.0)) / (1.0 - share).hypot(share)
     }
 
+    /// How many time steps late it is.
+    pub(crate) fn late_steps(&self, dt: f64) -> i64 {
+        (self.delay / dt).round() as i64
+    }
+
+    fn drawn(&self, purpose: i64, sd: f64, ids: [i64; 2], time: f64) -> f64 {
+        if sd > 0.0 { sd * self.error(purpose, ids, time) } else { 0.0 }
+    }
+
+    /// How many times as fast one participant seems to another at a time [s].
+    fn speed_factor(&self, ids: [i64; 2], time: f64) -> f64 {
+        (1.0 + self.drawn(SPEED, self.speed_error, ids, time)).max(0.0)
+    }
+
     /// How a state seems to be at a time [s].
     fn seeming(&self, state: State, ids: [i64; 2], time: f64) -> State {
-        let drawn = |purpose: i64, sd: f64| if sd > 0.0 { sd * self.error(purpose, ids, time) } else { 0.0 };
         State {
-            x: state.x + drawn(X, self.position_error),
-            y: state.y + drawn(Y, self.position_error),
-            velocity: state.velocity * (1.0 + drawn(SPEED, self.speed_error)).max(0.0),
+            x: state.x + self.drawn(X, self.position_error, ids, time),
+            y: state.y + self.drawn(Y, self.position_error, ids, time),
+            velocity: state.velocity * self.speed_factor(ids, time),
             ..state
         }
     }
 }
 
+/// What an agent perceives, where that is not all as it is.
+#[derive(Debug, Clone)]
+pub struct Perceived {
+    /// Everybody where it seems to be, with the past.
+    pub scene: Arc<Scene>,
+    /// How those present seem to move, in the order of `present`.
+    motions: Vec<Motion>,
+}
+
+/// How a participant moves along its heading, as it can be observed.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    /// [m/s]
+    velocity: f64,
+    /// Deceleration, not negative [m/s²].
+    braking: f64,
+}
+
 impl Scene {
     /// The scene as the participant in a row perceives it: everybody else who can move is late and not quite where it is. A
-    /// participant that has just come is where it came. `None` if nothing differs.
-    pub fn perceived_by(&self, row: usize, limits: &ViewLimits) -> Option<Self> {
+    /// participant that has just come is where it was before if it came at its first speed. `None` if nothing differs.
+    pub fn perceived_by(&self, row: usize, limits: &ViewLimits) -> Option<Perceived> {
+        self.perceived(row, limits, 0)
+    }
+
+    /// The same for who does not look at the past, which stays as it is: that is faster.
+    pub(crate) fn perceived_now_by(&self, row: usize, limits: &ViewLimits) -> Option<Perceived> {
+        self.perceived(row, limits, self.past.n_steps - 1)
+    }
+
+    fn perceived(&self, row: usize, limits: &ViewLimits, first_column: usize) -> Option<Perceived> {
         if limits.is_exact() {
             return None;
         }
         let (mut seems, participants) = (self.clone(), &self.participants);
-        let late = (limits.delay / self.dt).round() as i64;
-        for other in (0..participants.ids.len()).filter(|other| *other != row && !participants.is_static[*other]) {
-            let ids = [participants.ids[row], participants.ids[other]];
-            for column in 0..self.past.n_steps {
+        let late = limits.late_steps(self.dt);
+        let ids = |other: usize| [participants.ids[row], participants.ids[other]];
+        let differs = |other: usize| other != row && !participants.is_static[other];
+        for other in (0..participants.ids.len()).filter(|other| differs(*other)) {
+            for column in first_column..self.past.n_steps {
                 let then = self.past.first_time_step + column as i64;
-                if self.past.get(other, then).is_none() {
-                    continue;
-                }
-                if let Some(state) = (then - late..=then).find_map(|step| self.past.get(other, step)) {
-                    seems.past.set(other, column, &limits.seeming(state, ids, then as f64 * self.dt));
+                if let Some((_, state)) = self.some_time_before(other, then, late) {
+                    seems.past.set(other, column, &limits.seeming(state, ids(other), then as f64 * self.dt));
                 }
             }
         }
-        Some(seems)
+        let motion = |other: &usize| {
+            if !differs(*other) {
+                return self.motion(*other, self.time_step, 1.0);
+            }
+            // Errors would contradict the true speeds, so these are observed first.
+            let (then, _) = self.some_time_before(*other, self.time_step, late).expect("it is present");
+            self.motion(*other, then, limits.speed_factor(ids(*other), self.time_step as f64 * self.dt))
+        };
+        let motions = self.present.iter().map(motion).collect();
+        Some(Perceived { scene: Arc::new(seems), motions })
     }
 
-    /// What is expected of participants that are perceived otherwise: the same ways from where they seem to be, and as much
-    /// longer as they seem to be faster. `row_of` says where a place among those present is in the table.
-    pub fn expected_of(
+    /// Where a participant was so many time steps before one at which it is there, and the time step at which it was observed:
+    /// the first one, if it came later.
+    fn some_time_before(&self, row: usize, then: i64, steps: i64) -> Option<(i64, State)> {
+        self.past.get(row, then)?;
+        let (first, state) = (then - steps..=then).find_map(|step| Some((step, self.past.get(row, step)?)))?;
+        let way = Point::from_angle(state.orientation) * (state.velocity * (first - (then - steps)) as f64 * self.dt);
+        Some((first, State { x: state.x - way.x, y: state.y - way.y, ..state }))
+    }
+
+    fn motion(&self, row: usize, then: i64, factor: f64) -> Motion {
+        let velocity = self.observed_velocity_at(row, then).expect("it was there");
+        let braking = self.observed_braking_at(row, then).expect("it was there");
+        Motion { velocity: velocity * factor, braking: braking * factor }
+    }
+}
+
+impl Perceived {
+    /// Speed along the heading as a participant present, by its place, seems to have it [m/s].
+    pub(crate) fn velocity(&self, place: usize) -> f64 {
+        self.motions[place].velocity
+    }
+
+    /// Its deceleration, not negative [m/s²].
+    pub(crate) fn braking(&self, place: usize) -> f64 {
+        self.motions[place].braking
+    }
+
+    /// What is expected of participants that are perceived otherwise than they are in `truth`: the same ways from where they
+    /// seem to be, all the time as much faster or slower as they seem to be now. `row_of` says where a place among those
+    /// present is in the table.
+    pub fn expected(
         &self,
-        seems: &Self,
+        truth: &Scene,
         predictions: &Predictions,
         row_of: &dyn Fn(usize) -> Option<usize>,
     ) -> Predictions {
         let mut found = predictions.clone();
-        for (place, row) in self.present.iter().enumerate() {
-            let (is, seen) = (self.state(*row), seems.state(*row));
+        for (place, row) in truth.present.iter().enumerate() {
+            let (is, seen) = (truth.state(*row), self.scene.state(*row));
+            let faster = self.velocity(place) - truth.observed_velocity(*row);
             let Some(own) = row_of(place) else { continue };
-            if is == seen {
+            if is == seen && faster == 0.0 {
                 continue;
             }
-            let stretch = if is.velocity.abs() > SLOW { seen.velocity / is.velocity } else { 1.0 };
-            let (from, to) = (is.pose().position, seen.pose().position);
-            let first = predictions.offset(own, 0);
-            for k in (first..first + predictions.n_modes * predictions.n_steps).filter(|k| predictions.valid[*k]) {
-                let way = Point::new(predictions.x[k] - from.x, predictions.y[k] - from.y) * stretch;
-                (found.x[k], found.y[k]) = (to.x + way.x, to.y + way.y);
-                found.velocity[k] *= stretch;
+            let off = seen.pose().position - is.pose().position;
+            for mode in 0..predictions.n_modes {
+                let first = predictions.offset(own, mode);
+                let mut off = off;
+                for k in (first..first + predictions.n_steps).filter(|k| predictions.valid[*k]) {
+                    let (velocity, axis) = (predictions.velocity[k], Point::from_angle(predictions.orientation[k]));
+                    found.velocity[k] = changed(velocity, faster);
+                    off = off + axis * ((found.velocity[k] - velocity) * truth.dt);
+                    (found.x[k], found.y[k]) = (predictions.x[k] + off.x, predictions.y[k] + off.y);
+                }
             }
         }
         found
     }
 }
 
+/// A speed and a change of it [m/s], after which nobody goes the other way.
+fn changed(velocity: f64, by: f64) -> f64 {
+    if velocity < 0.0 { (velocity + by).min(0.0) } else { (velocity + by).max(0.0) }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use super::*;
     use crate::geometry::shape::Shape;
     use crate::scene::{Participants, Storeys};
@@ -129,7 +211,7 @@ mod tests {
         Scene { time_step: 30, dt: 0.1, participants, present: vec![0, 1], turns: vec![None; 2], past }
     }
 
-    fn perceived(limits: ViewLimits) -> Scene {
+    fn perceived(limits: ViewLimits) -> Perceived {
         scene().perceived_by(0, &limits).expect("it differs")
     }
 
@@ -141,8 +223,36 @@ mod tests {
     #[test]
     fn who_is_late_sees_what_was_and_itself_as_it_is() {
         let seems = perceived(ViewLimits { delay: 0.3, ..ViewLimits::default() });
-        assert_eq!((seems.state(1).x, seems.state(0)), (27.0, scene().state(0)));
-        assert_eq!(seems.past.get(1, 2).map(|state| state.x), Some(0.0), "it came there");
+        assert_eq!((seems.scene.state(1).x, seems.scene.state(0)), (27.0, scene().state(0)));
+        let x = |step| seems.scene.past.get(1, step).expect("it was there").x;
+        assert!((x(2) + 1.0).abs() < 1e-12 && (x(0) + 3.0).abs() < 1e-12, "it had come before, at 10 m/s");
+        let moved: Vec<f64> = (1..31).map(|step| x(step) - x(step - 1)).collect();
+        assert!(moved.iter().all(|way| (way - 1.0).abs() < 1e-12), "it never stands: {moved:?}");
+    }
+
+    #[test]
+    fn one_that_is_replayed_seems_as_fast_as_its_error_of_speed_says_wherever_it_seems_to_be() {
+        let mut scene = scene();
+        Arc::make_mut(&mut scene.participants).is_agent[1] = false;
+        for (delay, position_error) in [(0.3, 0.0), (0.0, 5.0), (3.0, 2.0)] {
+            let limits = ViewLimits { delay, position_error, speed_error: 0.3, error_seed: 2, ..ViewLimits::default() };
+            let seems = scene.perceived_by(0, &limits).expect("it differs");
+            assert_eq!(seems.velocity(1), seems.scene.state(1).velocity, "planners of the core perceive the same");
+            assert!((seems.velocity(1) - 10.0).abs() > 1.0 && seems.braking(1) == 0.0);
+            let now = scene.perceived_now_by(0, &limits).expect("it differs");
+            assert_eq!((now.scene.state(1), now.velocity(1)), (seems.scene.state(1), seems.velocity(1)));
+        }
+    }
+
+    #[test]
+    fn braking_is_perceived_late() {
+        let mut scene = scene();
+        for step in 21..31 {
+            let velocity = 10.0 - 0.5 * (step - 20) as f64;
+            scene.past.set(1, step, &State { x: step as f64, velocity, ..State::default() });
+        }
+        let seems = |delay| scene.perceived_by(0, &ViewLimits { delay, ..ViewLimits::default() }).expect("it differs");
+        assert!((seems(0.3).braking(1) - 5.0).abs() < 1e-9 && seems(1.0).braking(1) == 0.0);
     }
 
     #[test]
@@ -174,16 +284,45 @@ mod tests {
         assert_eq!(scene().visible_from(0, &unseen), Vec::<usize>::new());
     }
 
-    #[test]
-    fn expectations_begin_where_a_participant_seems_to_be_and_are_as_long_as_it_seems_fast() {
-        let (is, mut seems) = (scene(), scene());
-        seems.past.set(1, 30, &State { x: 29.0, y: 0.5, velocity: 11.0, ..State::default() });
-        let mut table = Predictions::empty(30, vec![1, 2], 1, 2);
-        for (k, x) in [(2, 31.0), (3, 32.0)] {
-            (table.x[k], table.y[k], table.velocity[k], table.valid[k]) = (x, 0.0, 10.0, true);
+    /// What is expected 0.1 and 0.2 s ahead, in x and as speeds, of car 2, which is at 30 m with a speed [m/s] and keeps it,
+    /// by an agent to which it seems to be at 29 m, 0.5 m to the left, with another speed.
+    fn expected(speed: f64, seeming: f64) -> ([f64; 2], [f64; 2]) {
+        let (mut is, mut table) = (scene(), Predictions::empty(30, vec![1, 2], 1, 2));
+        is.past.set(1, 30, &State { x: 30.0, velocity: speed, ..State::default() });
+        let mut seems = is.clone();
+        seems.past.set(1, 30, &State { x: 29.0, y: 0.5, velocity: seeming, ..State::default() });
+        let motions = [0.0, seeming].map(|velocity| Motion { velocity, braking: 0.0 }).to_vec();
+        for (k, t) in [(2, 0.1), (3, 0.2)] {
+            (table.x[k], table.y[k], table.orientation[k]) = (30.0 + speed * t, 0.0, 0.0);
+            (table.velocity[k], table.valid[k]) = (speed, true);
         }
-        let found = is.expected_of(&seems, &table, &Some);
-        assert!((found.x[2] - 30.1).abs() < 1e-12 && (found.x[3] - 31.2).abs() < 1e-12, "{:?}", found.x);
-        assert_eq!((found.y[3], found.velocity[3], found.valid[1]), (0.5, 11.0, false));
+        let found = Perceived { scene: Arc::new(seems), motions }.expected(&is, &table, &Some);
+        assert_eq!((&found.y[2..], &found.valid[..]), (&[0.5, 0.5][..], &[false, false, true, true][..]));
+        ([found.x[2], found.x[3]], [found.velocity[2], found.velocity[3]])
+    }
+
+    #[test]
+    fn expectations_begin_where_a_participant_seems_to_be_and_go_on_as_much_faster_as_it_seems_to_be() {
+        for (speed, seeming, x, velocity) in [
+            (10.0, 11.0, [30.1, 31.2], 11.0),
+            (10.0, 8.0, [29.8, 30.6], 8.0),
+            // A leader has come to a stop, and is seen late: nobody knows that it has.
+            (0.51, 5.0, [29.5, 30.0], 5.0),
+            (0.0, 5.0, [29.5, 30.0], 5.0),
+            // It starts.
+            (5.0, 0.0, [29.0, 29.0], 0.0),
+        ] {
+            let (found, speeds) = expected(speed, seeming);
+            assert!(found.iter().zip(x).all(|(found, x)| (found - x).abs() < 1e-9), "{speed} {seeming}: {found:?}");
+            assert!(speeds.iter().all(|found| (found - velocity).abs() < 1e-9), "{speed} {seeming}: {speeds:?}");
+        }
+    }
+
+    #[test]
+    fn who_brakes_to_a_stop_is_not_expected_to_go_backwards() {
+        assert_eq!(
+            [changed(2.0, -3.0), changed(-2.0, 3.0), changed(0.0, -1.0), changed(2.0, 1.0)],
+            [0.0, 0.0, 0.0, 3.0]
+        );
     }
 }

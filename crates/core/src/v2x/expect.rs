@@ -326,7 +326,8 @@ fn bar(path: &ReferencePath, s: f64) -> (State, Shape) {
     (state, Shape::rectangle(BAR_LENGTH, 2.0 * side))
 }
 
-/// Drops what the agent's sensors would see where it was told to be, and what drives above or below it.
+/// Drops what the agent's sensors would see where it was told to be, unless they miss it now, and what drives above or
+/// below it.
 fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, more: &Additional) {
     if told.is_empty() {
         return;
@@ -338,5 +339,9 @@ fn keep_unseen(scene: &Scene, observer: &Observer<'_>, told: &mut Vec<Known>, mo
     let bodies: Vec<_> = told.iter().map(body).collect();
     let mut seen = scene.would_see(observer.row, observer.view, &bodies, &|_| true).into_iter();
     let (pose, storeys) = (scene.state(observer.row).pose(), &scene.participants.storeys);
-    told.retain(|known| seen.next() == Some(false) && !storeys.are_apart(pose, more.extra(known.row).state.pose()));
+    let misses = |known: &Known| observer.view.misses([observer.id, known.id], scene.time_step);
+    told.retain(|known| {
+        let is_seen = seen.next() == Some(true) && !misses(known);
+        !is_seen && !storeys.are_apart(pose, more.extra(known.row).state.pose())
+    });
 }

@@ -46,7 +46,7 @@ pub use entry::Queue;
 pub use outside::Outside;
 pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
-pub(crate) use staging::{check_agents, staged};
+pub(crate) use staging::{check_agents, check_delays, staged};
 pub use step::{Expected, Forecast, Step};
 pub(crate) use threads::Threads;
 
@@ -306,6 +306,7 @@ impl World {
         agents.sort_by_key(|agent| agent.id);
         let mut world = Self::empty(Arc::clone(&scenario), settings)?;
         check_agents(&agents, scenario.obstacles.states.first_time_step)?;
+        check_delays(agents.iter().map(|agent| &**agent), &settings.step, scenario.dt)?;
         let staged = staging::staged(&agents, &scenario, &world.threads)?;
         let first_time_step = scenario.obstacles.states.first_time_step;
         world.restart(&scenario, &staged, first_time_step);

@@ -15,7 +15,7 @@ use crate::plan::{
 };
 use crate::predict::completed;
 use crate::rules::Rules;
-use crate::scene::Scene;
+use crate::scene::{Perceived, Scene};
 use crate::trajectory::{Plans, Predictions, Trajectory};
 use crate::v2x::{Extra, Known, SharedPredictions};
 use crate::vehicle::single_track::Moved;
@@ -79,11 +79,11 @@ impl World {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);
-        let seems = scene.perceived_by(drive.row, &drive.agent.view);
-        let (crowd, table, prediction_index) = &match &seems {
-            Some(seems) => crowd.perceived((scene, seems), table),
-            None => (crowd.clone(), table.clone().into_owned(), PredictionIndex::of(table, &crowd.positions)),
-        };
+        let seems = scene.perceived_now_by(drive.row, &drive.agent.view);
+        let perceived = seems.as_ref().map(|seems| crowd.perceived((scene, seems), table));
+        let exact = PredictionIndex::of(table, &crowd.positions);
+        let (crowd, table, prediction_index) =
+            perceived.as_ref().map_or((crowd, &**table, &exact), |(crowd, table, index)| (crowd, table, index));
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let level = self.on_its_storey(drive, &others, table);
@@ -121,7 +121,7 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
-        let seems = scene.perceived_by(drive.row, &drive.agent.view);
+        let seems = scene.perceived_now_by(drive.row, &drive.agent.view);
         let perceived = seems.as_ref().map(|seems| crowd.perceived((scene, seems), expected.0));
         let (crowd, expected) =
             perceived.as_ref().map_or((crowd, expected), |(crowd, table, index)| (crowd, (table, index)));
@@ -248,7 +248,6 @@ impl World {
 }
 
 /// All participants present, as planners see them, and what agents were told.
-#[derive(Clone)]
 pub(super) struct Crowd<'a> {
     /// One per row of the predictions.
     positions: Vec<Point>,
@@ -283,12 +282,15 @@ impl<'a> Crowd<'a> {
     /// be. What it was told has no errors.
     fn perceived(
         &self,
-        (scene, seems): (&Scene, &'a Scene),
+        (scene, seems): (&Scene, &'a Perceived),
         predictions: &Predictions,
     ) -> (Self, Predictions, PredictionIndex) {
-        let mut crowd = Self { told: self.told, ..Self::of(seems) };
+        let mut crowd = Self { told: self.told, ..Self::of(&seems.scene) };
+        for (place, other) in crowd.all.iter_mut().enumerate() {
+            (other.velocity, other.braking) = (seems.velocity(place), seems.braking(place));
+        }
         crowd.positions.extend(&self.positions[crowd.positions.len()..]);
-        let table = scene.expected_of(seems, predictions, &Some);
+        let table = seems.expected(scene, predictions, &Some);
         let index = PredictionIndex::of(&table, &crowd.positions);
         (crowd, table, index)
     }

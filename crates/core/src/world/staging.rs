@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::standstill::recording_end;
-use super::{Agent, Drive, Effort, Shared, StepMemory, Threads, World, WorldSettings, ordering, people};
+use super::{Agent, Drive, Effort, Shared, StepMemory, StepSettings, Threads, World, WorldSettings, ordering, people};
 use crate::error::{Error, Result};
 use crate::limits::{HISTORY_STEPS_MAX, NUMBER_MAX, check_threads, check_time_step};
 use crate::plan::{Planner, Prepared};
@@ -222,6 +222,23 @@ impl World {
         self.enter(first_time_step);
         self.look_at_lights();
         self.recording.push(&self.states);
+    }
+}
+
+/// No agent perceives others later than the past of a scene lasts, in time steps of `dt` [s].
+pub(crate) fn check_delays<'a>(
+    agents: impl IntoIterator<Item = &'a Agent>,
+    step: &StepSettings,
+    dt: f64,
+) -> Result<()> {
+    let kept = step.history_at(dt);
+    match agents.into_iter().find(|agent| agent.view.late_steps(dt) > kept as i64) {
+        None => Ok(()),
+        Some(Agent { id, view, .. }) => Err(Error::invalid(format!(
+            "agent {id}: view.delay of {} s is longer than the past that is kept: {} s, see step.history_steps",
+            view.delay,
+            (kept as f64 * dt * 1e3).round() / 1e3
+        ))),
     }
 }
 

@@ -155,7 +155,8 @@ impl Episode {
         self.world.restart(&stage.scenario, &self.cast.agents, first);
         self.has_traffic = self.cast.agents.iter().any(|staged| staged.agent.planner != Planner::External);
         let ObservationSettings { raster, predictions, .. } = settings.observation;
-        let is_open = self.world.participants().storeys.is_flat() && !self.world.agents().any(|one| one.view.occlusion);
+        let is_flat = self.world.participants().storeys.is_flat();
+        let is_open = is_flat && !self.world.agents().any(|one| one.view.occlusion || one.view.missed > 0.0);
         self.has_scene = self.has_traffic || raster || predictions || !is_open;
         self.learners.clear();
         for ((agent, table), recorded) in self.cast.learners.drain(..).zip(&self.cast.recorded) {

@@ -155,6 +155,9 @@ impl Worlds {
         if n_worlds == 0 || slots == 0 {
             return Err(Error::invalid("worlds: at least one world with one row is needed"));
         }
+        for stage in &stages {
+            stage.check_delays(&settings.step)?;
+        }
         let place = |_| {
             let episode = Episode::new(first, &settings)?;
             Ok(Episodes { episode, next: None, ended: Vec::new(), failure: None })
@@ -245,7 +248,7 @@ impl Worlds {
         if !spec.planners.is_sorted_by(|a, b| a.0 < b.0) || !spec.planners.iter().all(has_planner) {
             return Err(Error::invalid("planners must be of ascending positions of vehicles with planners"));
         }
-        stage.check_generated(&spec.generated)?;
+        stage.check_generated(&spec.generated, &self.settings.step)?;
         if spec.learners.is_empty() || spec.learners.len() > self.slots {
             return Err(Error::invalid(format!(
                 "learners: 1 to {} expected, {} given",

@@ -11,7 +11,7 @@ use crate::scenario::Scenario;
 use crate::start::{first_state, past_states};
 use crate::trajectory::State;
 use crate::vehicle::single_track::Kinematic;
-use crate::world::{Agent, StagedAgent, Threads, check_agents, staged};
+use crate::world::{Agent, StagedAgent, StepSettings, Threads, check_agents, check_delays, staged};
 use crate::worlds::EpisodeSpec;
 
 /// The model does what a recorded driver did if it comes so near the next state: [m] and [rad].
@@ -145,16 +145,25 @@ impl Stage {
         self.players.get(position).is_some_and(|player| player.traffic.is_some())
     }
 
+    /// No vehicle perceives others later than the past lasts that worlds keep.
+    ///
+    /// # Errors
+    /// `InvalidInput` naming the vehicle.
+    pub(super) fn check_delays(&self, step: &StepSettings) -> Result<()> {
+        check_delays(self.players.iter().map(|player| &*player.learner.agent), step, self.scenario.dt)
+    }
+
     /// Generated vehicles are possible, and their ids ascend above all of the scenario.
     ///
     /// # Errors
     /// `InvalidInput` naming the vehicle.
-    pub(super) fn check_generated(&self, generated: &[Arc<Agent>]) -> Result<()> {
+    pub(super) fn check_generated(&self, generated: &[Arc<Agent>], step: &StepSettings) -> Result<()> {
         if generated.is_empty() {
             return Ok(());
         }
         let states = &self.scenario.obstacles.states;
         check_agents(generated, states.first_time_step)?;
+        check_delays(generated.iter().map(|agent| &**agent), step, self.scenario.dt)?;
         let largest = self.ids().chain(states.ids.iter().copied()).max();
         let ids = largest.into_iter().chain(generated.iter().map(|agent| agent.id));
         match ids.is_sorted_by(|a, b| a < b) {
