@@ -1,4 +1,4 @@
-"""The example of learning: gradients, a network whose file says what it said, the same seed, and that it learns."""
+"""The example of learning: gradients, a network whose file says what it said, and the same seed."""
 
 import importlib.util
 import sys
