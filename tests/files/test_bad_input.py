@@ -80,7 +80,7 @@ def test_a_file_that_cannot_be_used(here, capfd, command, text, words):
         (car(31, initial(60.0)) + DRIVING, "31,", "agent 31: recorded at one time step only; possible agents: 30"),
         (car(31, initial(60.0)), "all", "no vehicle can become an agent"),
         (DRIVING, "2", "2 agents requested, but only 1"),
-        (DRIVING, "0", "at least 1"),
+        (DRIVING, "-1", "the number of agents must be at least"),
     ],
 )
 def test_an_agent_that_cannot_be(here, capfd, content, agents, words):

@@ -201,10 +201,15 @@ def test_a_lane_that_begins_within_the_map_is_no_entry():
         ("recorded,rate=600", "traffic.planner: recorded follows recordings"),
         ("nothing,rate=600", "traffic.planner: unknown planner 'nothing'"),
         ("rat=600", "traffic: rat: no such setting; did you mean rate?"),
-        ("rate=600,duration=60", "traffic.duration: 60 s are 600 time steps, but runs end after 500"),
     ],
 )
 def test_bad_traffic_gives_one_line(traffic, text):
     with pytest.raises(idr.InputError) as refused:
-        run_of(road(300.0), traffic, **{"step.max_steps": 500})
+        run_of(road(300.0), traffic)
     assert text in str(refused.value)
+
+
+def test_traffic_that_lasts_longer_than_the_run_may_is_refused_in_one_line():
+    with pytest.raises(idr.InputError) as refused:
+        run_of(road(300.0), "rate=600,duration=60", **{"step.max_steps": 500})
+    assert "traffic.duration: 60 s are 600 time steps, but runs end after 500" in str(refused.value)

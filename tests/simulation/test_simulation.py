@@ -199,7 +199,7 @@ def test_replanning_every_third_step_follows_the_plan_in_between():
     [
         ({"agents": [5]}, "agent 5: no such vehicle; possible agents: 100, 200, 7, 9"),
         ({"agents": 8}, "8 agents requested, but only"),
-        ({"agents": 0}, "at least 1"),
+        ({"agents": -1}, "the number of agents must be at least"),
         ({"agents": "some"}, "'all', 'reachable', 'problems', a number or ids"),
         ({"planner": "frenett"}, "unknown planner 'frenett': did you mean frenet?"),
         ({"planner": "nowhere:Planner"}, "module nowhere cannot be imported"),

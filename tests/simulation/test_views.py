@@ -1,6 +1,6 @@
 """What agents see: line of sight, what it keeps from planners, and the record of what was seen."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -108,7 +108,7 @@ def test_one_agent_may_see_through_what_hides_others_from_another():
     )
     assert run.views.seen_by(AGENT, 0) == [WALL]
     assert run.views.seen_by(OTHER, 0) == [WALL, AGENT]
-    assert run.settings["views"] == {str(AGENT): {"sensor_radius": 80.0, "occlusion": True}}
+    assert run.settings["views"] == {str(AGENT): asdict(ViewSettings(occlusion=True))}
 
 
 def test_the_record_of_views_is_what_planners_were_shown():
