@@ -344,6 +344,7 @@ class Simulation:
                 if on_step is not None:
                     on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
         except KeyboardInterrupt:
+            self._logs.catch_up(self.world.time_step)
             self.stop()
             raise RunInterrupted(self.record()) from None
         return self.record()

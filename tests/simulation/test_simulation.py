@@ -14,6 +14,7 @@ from interdrive.planners import FrenetWeights
 from interdrive.predictors import Neural
 from interdrive.run import PHASES
 from interdrive.run.assemble import digest
+from interdrive.runs import RunInterrupted
 from interdrive.testing import Car, problem, straight_road, world
 
 
@@ -256,3 +257,18 @@ def test_an_error_in_settings_within_settings_names_both(options, location, mess
 def test_a_number_larger_than_that_of_the_possible_agents_is_an_id():
     assert [agent.id for agent in Simulation("t_junction", agents=2001).agents] == [2001]
     assert len(Simulation("t_junction", agents=2).agents) == 2
+
+
+def test_ctrl_c_between_a_step_and_the_note_of_its_times_loses_neither(monkeypatch):
+    simulation = Simulation(two_lanes(), threads=1)
+
+    def interrupted(_step):
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation._logs, "end", interrupted)
+    with pytest.raises(RunInterrupted) as stopped:
+        simulation.run()
+    run = stopped.value.run
+    assert run.states.n_steps == 2
+    assert set(run.timings.time_step.tolist()) == {0}

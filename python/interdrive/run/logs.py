@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from array import array
 from concurrent.futures import ThreadPoolExecutor
@@ -50,6 +51,7 @@ class Logs:
         """
         self._dt = dt
         self._time_step = 0
+        self._step: _core.Step | None = None
         self._timings = array("d")
         self._ages = PlanAges() if v2x else None
         self._profile = ProfileLog() if profile else None
@@ -83,6 +85,7 @@ class Logs:
             step: The step.
             outside: Agents whose plans were not made by the core and have their times already.
         """
+        self._step = step
         if self._profile is not None:
             for agent_id, seconds in zip(step.ids.tolist(), step.plan_seconds.tolist(), strict=True):
                 if agent_id not in outside:
@@ -97,6 +100,12 @@ class Logs:
     def end(self, step: _core.Step) -> None:
         """Notes the times of the phases of a step that is over."""
         self._timings.extend((self._time_step, *step.seconds))
+
+    def catch_up(self, time_step: int) -> None:
+        """Notes a step in which the world moved to this time step, but whose end Ctrl-C kept from being noted."""
+        noted = self._timings[-1 - len(PHASES)] if self._timings else -math.inf
+        if self._step is not None and noted < self._time_step < time_step:
+            self.end(self._step)
 
     @property
     def times(self) -> Floats:
