@@ -73,7 +73,7 @@ impl Deference {
         Self { minimum_gap, counts_crossing: true, brakes_for_standing: false }
     }
 
-    /// The same, but braking for standing vehicles: where they are replayed, those that cannot stop comfortably collide less.
+    /// The same, but braking for standing vehicles, too: replayed ones start whoever comes.
     pub(super) fn to_standing(minimum_gap: f64) -> Self {
         Self { brakes_for_standing: true, ..Self::full(minimum_gap) }
     }
