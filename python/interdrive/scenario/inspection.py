@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -247,33 +248,90 @@ def lanelets_at(lanelets: Lanelets, x: Floats, y: Floats) -> Bools:
     Returns:
         Shape (points, lanelets). False for nan.
     """
+    outlines = _outlines(lanelets)
     inside = np.zeros((len(x), len(lanelets.ids)), dtype=np.bool_)
-    for column, (left, right) in enumerate(zip(lanelets.left, lanelets.right, strict=True)):
-        polygon = np.concatenate((left, right[::-1]))
-        low, high = polygon.min(axis=0), polygon.max(axis=0)
-        near = np.flatnonzero((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]))
-        if near.size:
-            inside[near, column] = _inside(polygon, x[near], y[near])
+    low, high = outlines.low, outlines.high
+    boxed = (
+        (x[:, None] >= low[:, 0]) & (x[:, None] <= high[:, 0]) & (y[:, None] >= low[:, 1]) & (y[:, None] <= high[:, 1])
+    )
+    points, columns = np.nonzero(boxed)
+    for first in range(0, len(points), _AT_ONCE):
+        pairs = slice(first, first + _AT_ONCE)
+        inside[points[pairs], columns[pairs]] = outlines.contain(columns[pairs], x[points[pairs]], y[points[pairs]])
     return inside
 
 
-def _inside(polygon: Floats, x: Floats, y: Floats) -> Bools:
-    x0, y0 = polygon.T
-    x1, y1 = np.roll(polygon, -1, axis=0).T
-    crosses = (y0 > y[:, None]) != (y1 > y[:, None])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = x0 + (y[:, None] - y0) * (x1 - x0) / (y1 - y0)
-    odd = (crosses & (x[:, None] < at)).sum(axis=1) % 2 == 1
-    inside: Bools = odd | _on_edge(x[:, None] - x0, y[:, None] - y0, x1 - x0, y1 - y0)
-    return inside
+#: Pairs of a point and a lanelet that are looked at together.
+_AT_ONCE = 4096
 
 
-def _on_edge(x: Floats, y: Floats, edge_x: Floats, edge_y: Floats) -> Bools:
-    """Whether a point, given from the start of each edge, is within a micrometre of any of them."""
-    length_squared = np.maximum(edge_x**2 + edge_y**2, 1e-18)
-    along = np.clip((x * edge_x + y * edge_y) / length_squared, 0.0, 1.0)
-    near: Bools = np.hypot(x - along * edge_x, y - along * edge_y).min(axis=1) < 1e-6
-    return near
+@dataclass(frozen=True)
+class _Outlines:
+    """The polygons between the bounds of lanelets, their edges one after another.
+
+    Attributes:
+        low: Smallest x and y of each polygon [m], shape (lanelets, 2).
+        high: Largest ones.
+        first: First edge of each.
+        n_edges: Number of edges of each.
+        x: Where each edge starts [m].
+        y: Likewise.
+        end_x: Where it ends [m].
+        end_y: Likewise.
+    """
+
+    low: Floats
+    high: Floats
+    first: Ints
+    n_edges: Ints
+    x: Floats
+    y: Floats
+    end_x: Floats
+    end_y: Floats
+
+    @classmethod
+    def of(cls, lanelets: Lanelets) -> _Outlines:
+        """Those of some lanelets."""
+        polygons = [
+            np.concatenate((left, right[::-1])) for left, right in zip(lanelets.left, lanelets.right, strict=True)
+        ]
+        sizes = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+        starts = np.concatenate([np.empty((0, 2)), *polygons])
+        ends = np.concatenate([np.empty((0, 2)), *(np.roll(polygon, -1, axis=0) for polygon in polygons)])
+        low, high = (
+            np.array([find(polygon, axis=0) for polygon in polygons]).reshape(-1, 2) for find in (np.min, np.max)
+        )
+        return cls(low, high, np.cumsum(sizes) - sizes, sizes, *starts.T.copy(), *ends.T.copy())
+
+    def contain(self, lanelets: Ints, x: Floats, y: Floats) -> Bools:
+        """Whether each polygon contains the point at its place, or has it within a micrometre of an edge."""
+        sizes = self.n_edges[lanelets]
+        begin = np.cumsum(sizes) - sizes
+        edges = np.arange(int(sizes.sum())) + np.repeat(self.first[lanelets] - begin, sizes)
+        x, y, x0, y0 = np.repeat(x, sizes), np.repeat(y, sizes), self.x[edges], self.y[edges]
+        x1, y1 = self.end_x[edges], self.end_y[edges]
+        crosses = (y0 > y) != (y1 > y)
+        edge_x, edge_y, from_x, from_y = x1 - x0, y1 - y0, x - x0, y - y0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            is_left = crosses & (x < x0 + from_y * edge_x / edge_y)
+        length_squared = np.maximum(edge_x**2 + edge_y**2, 1e-18)
+        along = np.clip((from_x * edge_x + from_y * edge_y) / length_squared, 0.0, 1.0)
+        away = np.hypot(from_x - along * edge_x, from_y - along * edge_y)
+        inside: Bools = np.add.reduceat(is_left, begin, dtype=np.int64) % 2 == 1
+        inside |= np.minimum.reduceat(away, begin) < 1e-6
+        return inside
+
+
+#: By the identity of lanelets that are in use: a reference to them, and their outlines.
+_OUTLINES: dict[int, tuple[weakref.ref[Lanelets], _Outlines]] = {}
+
+
+def _outlines(lanelets: Lanelets) -> _Outlines:
+    """The outlines of some lanelets, made once."""
+    number = id(lanelets)
+    if number not in _OUTLINES:
+        _OUTLINES[number] = weakref.ref(lanelets, lambda _: _OUTLINES.pop(number, None)), _Outlines.of(lanelets)
+    return _OUTLINES[number][1]
 
 
 def _lane_length(lanelets: Lanelets) -> float:
