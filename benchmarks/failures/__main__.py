@@ -26,7 +26,12 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))  # of worker processes, too
 
 import interdrive as idr
-from interdrive.failure_search import HEAD, Failure, Summary
+from interdrive.failure_search import HEAD, Failure, Space, Summary
+from interdrive.failure_search.disturbed_worlds import disturbed
+from interdrive.failure_search.evaluation import Drivers
+from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
+from interdrive.failure_search.search_folder import logged
+from interdrive.failure_search.trials import Setup, change_at, drive_at
 
 FAULTS = ("BlindRight", "Late", "Standing", "Sound")
 SCENARIO = "t_junction"
@@ -39,7 +44,9 @@ def planted(names: list[str], runs: int, seeds: int, workers: int, out: Path) ->
         found = []
         for seed in range(seeds):
             folder = out / f"{name}-{seed}"
-            idr.search(SCENARIO, f"planted:{name}", runs=runs, seed=seed, out=folder, workers=workers)
+            # Rates do not depend on what is kept, and how small.
+            what = {"runs": runs, "seed": seed, "keep": 1, "shrink": False}
+            idr.search(SCENARIO, f"planted:{name}", out=folder, workers=workers, **what)
             found.append(Summary.of(folder))
             print(f"{name} seed {seed}: {found[-1].cells()}", file=sys.stderr, flush=True)
         rows.append(row_of(name, found))
@@ -84,6 +91,7 @@ def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -
                 out=out / f"{name}-{seed}",
                 workers=workers,
                 stop_after=1,
+                shrink=False,
             )
             first.append(found.runs if found.failures else 0)
             kinds |= {one.failure for one in found.failures}
@@ -94,41 +102,64 @@ def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -
     return rows
 
 
-def overhead(runs: int, times: int) -> str:
-    """Time of a search beside the time of driving its worlds until the agent ends, on one process; medians."""
-    from interdrive.failure_search.disturbed_worlds import disturbed
-    from interdrive.failure_search.evaluation import Drivers
-    from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
-    from interdrive.failure_search.spaces import Space
-    from interdrive.failure_search.trials import Setup, change_at, drive_at
+def overhead(planner: str, runs: int, seeds: int) -> str:
+    """Time of a search beside the time of driving its worlds until the agent ends, on one process; medians.
 
-    space = Space().with_v2x(is_on=False)
-    pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
-    setup = Setup(Drivers("idm", "idm", "lane_following"), space, 1)
-    searched, driven = [], []
-    for _ in range(times):
+    Each world is driven again as soon as the search has driven it, so that both times are of the same machine. Runs
+    that fail are left out: their films take seconds.
+    """
+    ratios, searched, driven, draws = [], [], [], []
+    for seed in range(1, 1 + seeds):
         folder = Path(tempfile.mkdtemp()) / "overhead"
-        idr.search(SCENARIO, "idm", runs=1, out=folder, seed=1)  # what is imported and read once
-        begin = time.process_time()
-        idr.search(SCENARIO, "idm", runs=1 + runs, out=folder, seed=1)
-        searched.append(time.process_time() - begin)
-        rows = Summary.of(folder).rows[1:]
-        begin = time.process_time()
-        for row in rows:
-            pair = pairs[row["pair"]]
-            change = change_at(setup, pair, row["point"])
-            scenario = disturbed(scenario_at(pair.path), change)
-            drive = drive_at(setup, pair, change, scenario)
-            drive.simulation(scenario).run_until_ended(drive.agent_id)
-        driven.append(time.process_time() - begin)
-    search_ms, drive_ms = (1e3 * statistics.median(values) / runs for values in (searched, driven))
-    ratios = sorted(100.0 * (one / other - 1.0) for one, other in zip(searched, driven, strict=True))
-    draws = sum(row["draws"] for row in rows) / len(rows)
+        again = _Again(folder, planner)
+        # What is imported and read once.
+        idr.search(SCENARIO, planner, runs=1, out=folder, seed=seed, shrink=False)
+        again.begin()
+        idr.search(SCENARIO, planner, runs=1 + runs, out=folder, seed=seed, shrink=False, on_run=again)
+        one, other = (1e3 * statistics.mean(column) for column in zip(*again.times, strict=True))
+        searched.append(one)
+        driven.append(other)
+        ratios.append(100.0 * (one / other - 1.0))
+        draws += again.draws
     return (
-        f"{runs} runs of `idm` on `{SCENARIO}`, measured {times} times: {search_ms:.0f} ms of processor time per run\n"
-        f"in the search, {drive_ms:.0f} ms to drive the same worlds until the agent ends (medians):\n"
-        f"{statistics.median(ratios):.0f} % more ({ratios[0]:.0f} to {ratios[-1]:.0f} %), {draws:.2f} draws per run."
+        f"{runs} runs of `{planner}` on `{SCENARIO}` with {seeds} seeds, each world driven again right after the\n"
+        f"search did: {statistics.median(searched):.1f} ms of processor time per run in the search, "
+        f"{statistics.median(driven):.1f} ms to drive the same world\n"
+        f"until the agent ends (medians), {statistics.median(ratios):.0f} % more "
+        f"({min(ratios):.0f} to {max(ratios):.0f} %), {statistics.mean(draws):.2f} draws per run."
     )
+
+
+class _Again:
+    """Drives each world of a search again, as its callback, and notes the processor times of both."""
+
+    def __init__(self, folder: Path, planner: str) -> None:
+        """The search in a folder, of a planner in traffic of `idm`."""
+        space = Space().with_v2x(is_on=False)
+        self._pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
+        self._setup = Setup(Drivers(planner, "idm", "lane_following"), space, 0)
+        self._folder, self._left = folder, 0.0
+        self.times: list[tuple[float, float]] = []
+        self.draws: list[int] = []
+
+    def begin(self) -> None:
+        """The search begins, or goes on."""
+        self._left = time.process_time()
+
+    def __call__(self, n: int, _: int) -> None:
+        """Drives the last of the first runs of the search."""
+        in_search = time.process_time() - self._left
+        row = logged(self._folder)[n - 1]
+        pair = self._pairs[row["pair"]]
+        change = change_at(self._setup, pair, row["point"])
+        scenario = disturbed(scenario_at(pair.path), change)
+        drive = drive_at(self._setup, pair, change, scenario)
+        begin = time.process_time()
+        drive.simulation(scenario).run_until_ended(drive.agent_id)
+        if not row["failure"]:
+            self.times.append((in_search, time.process_time() - begin))
+            self.draws.append(row["draws"])
+        self.begin()
 
 
 def searches(folders: list[str]) -> tuple[list[list[str]], list[list[str]]]:
@@ -193,7 +224,7 @@ def main() -> None:
         head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
         parts["their failures"] = table(head, failures) if failures else "None."
     elif given.overhead:
-        parts["overhead"] = overhead(150, 5)
+        parts["overhead"] = "\n\n".join(overhead(planner, 100, 3) for planner in ("idm", "rollout"))
     elif given.detected:
         rows = detected(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
         parts["detected"] = table(("planted", "found in", "median run", "last run", "kinds"), rows)
