@@ -23,10 +23,11 @@ from interdrive import InputError, ResultsError
 from interdrive.cli import main
 from interdrive.failure_search import HEAD, Space, Summary, check_failure, compared, failures, keeping, replay
 from interdrive.failure_search.disturbances import Disturbance, Error
-from interdrive.failure_search.disturbed_worlds import disturbed, implausible
+from interdrive.failure_search.disturbed_worlds import disturbed
 from interdrive.failure_search.evaluation import Drivers, drive_of, in_disturbed, judged
 from interdrive.failure_search.page import search_figure
 from interdrive.failure_search.pairs import pairs
+from interdrive.failure_search.plausibility import implausible
 from interdrive.failure_search.search_folder import SearchFolder
 from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import disturbance, undisturbed
@@ -109,6 +110,34 @@ def test_a_failure_is_repeated_to_the_bit_and_its_file_is_an_ordinary_scenario(d
     ran = CliRunner().invoke(main, ["run", "--config", str(one.folder / "run.toml"), "--out", str(out), "--quiet"])
     assert ran.exit_code == 0, ran.output
     assert idr.load(out).digest == one.digest
+
+
+def test_the_runs_of_a_failure_are_valid_and_its_witness_drives_on(done):
+    one = done[0].failures[0]
+    run, other = (idr.load(one.folder / name) for name in ("run", "witness"))
+    (ended,), (avoided,) = run.outcomes.outcome, other.outcomes.outcome
+    assert (ended, run.digest) == ("collision", one.digest)
+    assert avoided not in ("collision", "infeasible", "planner_error")
+    assert {name for (name,) in zip(other.outcomes.planner, strict=True)} == {one.witness}
+    for name in ("run", "witness"):
+        verified = CliRunner().invoke(main, ["verify", "--trust", str(one.folder / name)])
+        assert (verified.exit_code, verified.output[:6]) == (0, "equal:")
+
+
+def test_an_agent_that_fails_undisturbed_is_named_first_and_still_searched(tmp_path):
+    path = tmp_path / "slow.xml"
+    made = world(straight_road(400.0), cars=[Car(AGENT, 20.0), Car(LEADER, 50.0, velocity=4.0)], steps=80)
+    x, velocity = made.obstacles.x.copy(), made.obstacles.velocity.copy()
+    # The recorded driver of the agent slows down from 12 to 4 m/s.
+    velocity[0] = np.maximum(12.0 - 0.3 * np.arange(velocity.shape[1]), 4.0)
+    x[0] = 20.0 + 0.1 * (np.cumsum(velocity[0]) - velocity[0])
+    idr.write_scenario(replace(made, obstacles=replace(made.obstacles, x=x, velocity=velocity)), path)
+    found = searched(path, tmp_path / "out", 3, traffic="recorded")
+    assert (found.undisturbed, found.runs, found.uniform_failures) == ((f"slow {AGENT}",), 3, 3)
+    what = ("--planner", BLIND, "--agent", AGENT, "--predictor", "constant_velocity", "--no-shrink", "--keep", 1)
+    code, text = invoked(path, *what, "--traffic", "recorded", "--runs", 1, "--workers", 1, "--out", tmp_path / "again")
+    assert code == 0
+    assert text.index(f"slow {AGENT}") < text.index("001: slow")
 
 
 def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes(done, file, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
@@ -26,9 +27,17 @@ class Here:
     """This process."""
 
     def run(self, function: Callable[[Any, int], Any], take: Callable[[str], Task[Any] | None]) -> Iterator[End[Any]]:
-        """Does tasks one after another."""
-        while (task := take("")) is not None:
-            yield End(task, function(task.payload, 1))
+        """Does tasks one after another.
+
+        What the process has until then is left out of garbage collection: to look through all that is imported takes
+        0.1 s each time, a tenth of twenty runs.
+        """
+        gc.freeze()
+        try:
+            while (task := take("")) is not None:
+                yield End(task, function(task.payload, 1))
+        finally:
+            gc.unfreeze()
 
     def close(self) -> None:
         """Nothing is left."""

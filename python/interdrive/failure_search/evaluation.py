@@ -8,10 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.config.binding import flatten
 from interdrive.config.specs import spec_name
 from interdrive.errors import InputError
 from interdrive.failure_search.spaces import RECORDED
 from interdrive.panel import PANEL
+from interdrive.run import Plans, Timings
+from interdrive.run.assemble import digest
+from interdrive.runs import Run
 from interdrive.scenario.inspection import candidates, lanelets_at
 from interdrive.scoring.seen import Seen
 from interdrive.scoring.settings import ScoringSettings
@@ -22,8 +26,7 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Bools, Ints
     from interdrive.failure_search.disturbances import Disturbance
-    from interdrive.run import States
-    from interdrive.runs import Run
+    from interdrive.run import Outcomes, States
     from interdrive.scenario import Scenario
 
 #: What stands for failures that are no collision with a participant.
@@ -39,6 +42,8 @@ _TTC_SCALE, _GAP_SCALE, _DISTANCE_MAX, _IMPACT_SCALE = 3.0, 3.0, 10.0, 20.0
 #: What the gap in time and the distance count beside the time to contact, so that a drive far from any is not like all
 #: others [1, 1/m].
 _GAP_WEIGHT, _DISTANCE_WEIGHT = 0.1, 0.001
+#: What a search does not look at.
+_NO_PLANS, _NO_TIMINGS = Plans.empty(), Timings.empty()
 
 
 @dataclass(frozen=True)
@@ -116,10 +121,25 @@ class Drive:
         """Drives until the agent under test has its outcome, and judges it."""
         simulation = self.simulation(scenario)
         simulation.run_until_ended(self.agent_id)
-        run = simulation.record(explained=False)
-        ended = run.outcomes.outcome[run.outcomes.agent_id.tolist().index(self.agent_id)]
-        # Only blame needs to know which rules were broken.
-        return judged(simulation.record() if ended in ("collision", *_BROKEN) else run, self.agent_id)
+        ended = simulation.outcomes()
+        has_failed = ended.outcome[ended.agent_id.tolist().index(self.agent_id)] in ("collision", *_BROKEN)
+        return judged(simulation.record() if has_failed else _plain_run(simulation, ended), self.agent_id)
+
+
+def _plain_run(simulation: Simulation, outcomes: Outcomes) -> Run:
+    """All that an agent is judged by that did not fail, which is less than a run is recorded with."""
+    states = simulation.states()
+    return Run(
+        scenario=simulation.scenario,
+        settings={"settings": {f"road.{name}": value for name, value in flatten(simulation.settings.road).items()}},
+        agents=(),
+        outcomes=outcomes,
+        states=states,
+        plans=_NO_PLANS,
+        timings=_NO_TIMINGS,
+        notes=(),
+        digest=digest(states),
+    )
 
 
 @dataclass(frozen=True)
@@ -181,13 +201,10 @@ def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
     straight = min(float(np.nanmin(times, initial=math.inf)) / _TTC_SCALE, 1.0)
     gap, distance = math.inf, math.inf
     own = np.flatnonzero(states.valid[row])
-    for other in np.flatnonzero(states.valid.any(axis=1)).tolist():
-        if other == row or not len(own):
-            continue
+    # Others neither used the same ground nor count as near.
+    for other in _near(states, row, _DISTANCE_MAX):
         there = np.flatnonzero(states.valid[other])
         length = 0.5 * float(states.length[row] + states.length[other])
-        if _boxes_apart(states, (row, own), (other, there)) > _DISTANCE_MAX + length:
-            continue  # it neither used the same ground nor counts as near
         width = 0.5 * float(states.width[row] + states.width[other])
         gap = min(gap, run.scenario.dt * _steps_between(states, (row, own), (other, there), width))
         both = np.intersect1d(own, there, assume_unique=True)
@@ -204,7 +221,7 @@ def _steps_between(states: States, one: tuple[int, Ints], other: tuple[int, Ints
     own = own[_in_box(states, (row, own), (column, there), width)]
     there = there[_in_box(states, (column, there), (row, own), width)]
     x, y = (table[row, own][:, None] - table[column, there] for table in (states.x, states.y))
-    steps = np.abs(own[:, None] - there)[np.hypot(x, y) <= width]
+    steps = np.abs(own[:, None] - there)[x * x + y * y <= width * width]
     return float(steps.min()) if len(steps) else math.inf
 
 
@@ -218,13 +235,16 @@ def _in_box(states: States, one: tuple[int, Ints], other: tuple[int, Ints], marg
     return inside
 
 
-def _boxes_apart(states: States, one: tuple[int, Ints], other: tuple[int, Ints]) -> float:
-    """At least how far apart the centres of two participants ever are: the distance of the boxes around them [m]."""
+def _near(states: States, row: int, reach: float) -> list[int]:
+    """The other participants whose ways may come so near to that of one [m]: the boxes around their ways do."""
     gaps = []
     for table in (states.x, states.y):
-        first, second = table[one], table[other]
-        gaps.append(max(float(second.min() - first.max()), float(first.min() - second.max()), 0.0))
-    return math.hypot(*gaps)
+        low = np.where(states.valid, table, math.inf).min(axis=1, initial=math.inf)
+        high = np.where(states.valid, table, -math.inf).max(axis=1, initial=-math.inf)
+        gaps.append(np.maximum(np.maximum(low - high[row], low[row] - high), 0.0))
+    near = np.hypot(*gaps) <= reach + 0.5 * (states.length + states.length[row])
+    near[row] = False
+    return np.flatnonzero(near).tolist()
 
 
 def drive_of(scenario: Scenario, agent_id: int, drivers: Drivers) -> Drive:

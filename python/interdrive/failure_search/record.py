@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.errors import InterdriveError
 from interdrive.failure_search.failures import failures
-from interdrive.failure_search.trials import Driven, change_at, signature
+from interdrive.failure_search.trials import Driven, signature
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,9 +48,7 @@ class Record:
         """The row of a run, not yet kept; of a run that is lost with the reason."""
         pair = self.pairs[proposal.pair]
         if isinstance(driven, InterdriveError):
-            driven, said = Driven((), 0, None), str(driven)
-        else:
-            said = change_at(self.setup, pair, driven.point).words()
+            driven = Driven((), 0, None, str(driven))
         found = driven.judged
         row: dict[str, Any] = {
             "index": proposal.index,
@@ -61,7 +59,7 @@ class Record:
             "uniform": proposal.source == "uniform",
             "draws": driven.draws,
             "point": list(driven.point),
-            "disturbance": said,
+            "disturbance": driven.disturbance,
             **dict.fromkeys(("outcome", "criticality")),
             **dict.fromkeys(("failure", "signature", "folder", "shrunk", "witness", "digest"), ""),
             "partner_id": -1,

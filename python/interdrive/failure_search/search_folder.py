@@ -6,7 +6,7 @@ import json
 import shutil
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from interdrive.errors import InputError, ResultsError
 from interdrive.failure_search.allocation import SOURCES
@@ -82,6 +82,7 @@ class SearchFolder:
         """
         self.path, self._what = path, dict(what)
         self._locks: Locks | None = None
+        self._log: IO[str] | None = None
         self.undisturbed: list[tuple[str, int, str]] | None = self._opened()
         self._claim()
         self.rows: list[dict[str, Any]] = []
@@ -150,6 +151,8 @@ class SearchFolder:
 
     def close(self) -> None:
         """Lets other processes go on with it; a folder in which nothing was searched is removed."""
+        if self._log is not None:
+            self._log.close()
         if self._settle():
             self.rows = logged(self.path)
             self.write_table()
@@ -171,8 +174,10 @@ class SearchFolder:
     def add(self, row: dict[str, Any]) -> None:
         """Adds a run, to the log first: Ctrl-C finds it in both or in neither."""
         with uninterrupted():
-            with (self.path / _LOG).open("a", encoding="utf-8") as log:
-                log.write(json_text(row) + "\n")
+            if self._log is None:
+                self._log = (self.path / _LOG).open("a", encoding="utf-8")
+            self._log.write(json_text(row) + "\n")
+            self._log.flush()
             self.rows.append(row)
 
     def write_table(self) -> None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from interdrive.errors import InputError
-from interdrive.failure_search.disturbed_worlds import disturbed, implausible
+from interdrive.failure_search.disturbed_worlds import disturbed
 from interdrive.failure_search.evaluation import drive_of, in_disturbed
 from interdrive.failure_search.pairs import scenario_at
+from interdrive.failure_search.plausibility import implausible
 from interdrive.failure_search.spaces import disturbance, undisturbed
 
 if TYPE_CHECKING:
@@ -58,41 +59,51 @@ class Trial:
 
 @dataclass(frozen=True)
 class Driven:
-    """A point, how often points were drawn for it, and how the agent ended; None: no draw was plausible."""
+    """A run that was done.
+
+    Attributes:
+        point: The point.
+        draws: How often points were drawn for it.
+        judged: How the agent ended; None: no draw was plausible.
+        disturbance: The point in words.
+    """
 
     point: tuple[float, ...]
     draws: int
     judged: Judged | None
+    disturbance: str = ""
 
 
 def driven(trial: Trial) -> Driven:
     """Drives the first plausible world of a proposal, or the undisturbed one."""
-    setup = trial.setup
+    setup, pair = trial.setup, trial.pair
     if trial.proposal is None:
         neutral = undisturbed(setup.space)
-        scenario = scenario_at(trial.pair.path)
-        found = drive_at(setup, trial.pair, change_at(setup, trial.pair, neutral), scenario).judged(scenario)
+        scenario = scenario_at(pair.path)
+        found = drive_at(setup, pair, change_at(setup, pair, neutral), scenario).judged(scenario)
         return Driven(tuple(neutral.tolist()), 1, found)
     points = trial.proposal.points(setup.seed)
     draws, ended = 0, None
     while ended is None and draws < _DRAWS:
         draws, point = draws + 1, next(points)
-        ended = judged_at(setup, trial.pair, point)
-    return Driven(tuple(point.tolist()), draws, ended)
-
-
-def judged_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> Judged | None:
-    """What happens in the world of a point; None if it is not plausible."""
-    world = world_at(setup, pair, point)
-    return None if world is None else judged_in(*world)
+        change = change_at(setup, pair, point)
+        world = disturbed_world(setup, pair, change)
+        ended = None if world is None else judged_in(*world)
+    return Driven(tuple(point.tolist()), draws, ended, change.words())
 
 
 def world_at(setup: Setup, pair: Pair, point: Sequence[float] | Floats) -> tuple[Scenario, Drive] | None:
     """The world of a point and who drives in it; None if it is not plausible."""
-    change = change_at(setup, pair, point)
+    return disturbed_world(setup, pair, change_at(setup, pair, point))
+
+
+def disturbed_world(setup: Setup, pair: Pair, change: Disturbance) -> tuple[Scenario, Drive] | None:
+    """The world in which something is disturbed and who drives in it; None if it is not plausible."""
+    if change.rare is not None:
+        return None
     original = scenario_at(pair.path)
     scenario = disturbed(original, change)
-    if change.rare is not None or implausible(original, scenario, moved_by(change)):
+    if implausible(original, scenario, moved_by(change)):
         return None
     return scenario, drive_at(setup, pair, change, scenario)
 

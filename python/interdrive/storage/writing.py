@@ -11,6 +11,7 @@ import secrets
 import shutil
 import sys
 from contextlib import contextmanager, suppress
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -187,7 +188,11 @@ def json_text(values: Any, *, indent: int | None = None) -> str:  # noqa: ANN401
     are no spaces.
     """
     separators = (",", ":") if indent is None else None
-    text = json.dumps(_finite(values), indent=indent, separators=separators, ensure_ascii=False, allow_nan=False)
+    dumped = partial(json.dumps, indent=indent, separators=separators, ensure_ascii=False, allow_nan=False)
+    try:
+        text = dumped(values)
+    except (TypeError, ValueError):  # few values are not plain
+        text = dumped(_finite(values))
     return re.sub("[\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
