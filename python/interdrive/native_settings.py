@@ -573,8 +573,7 @@ class ViewSettings:
             y. Errors change within a second. Between 0 and 100.
         speed_error: Standard deviation of the errors of their speeds, as a share of the speed. Between 0 and 10.
         missed: Share of the time steps at which it does not perceive a participant that it sees. Between 0 and 1.
-        error_seed: Seed of the errors of perception. It does not follow the seed of the run. Between 0 and
-            4294967295.
+        error_seed: Seed of the errors of perception, besides the seed of the run. Between 0 and 4294967295.
         inattentive_from: Time after its start from which it does not look. Between 0 and 100000.
         inattentive_for: For how long it does not look at all: it goes on with the plan that it has, at most to its
             end. Between 0 and 100000.

@@ -133,6 +133,25 @@ def test_planners_of_the_core_perceive_the_same_errors_and_repeat_their_runs():
         assert len(set(digests)) == 3, planner
 
 
+def test_errors_of_perception_follow_the_seed_of_the_run_too():
+    view = {"position_error": 0.5, "missed": 0.1}
+    digests = {seed: drive(view, seed=seed).digest for seed in (0, 1, 2)}
+    assert len(set(digests.values())) == 3
+    assert drive(view, seed=2).digest == digests[2]
+    assert drive(seed=0).digest == drive(seed=1).digest, "without errors nothing is drawn"
+    assert drive({"delay": 0.2}, seed=0).digest == drive({"delay": 0.2}, seed=1).digest, "nor for a delay"
+
+
+@pytest.mark.parametrize("planner", ["idm", Noting])
+def test_who_is_in_sight_does_not_depend_on_where_it_seems_to_be(planner):
+    # Car 2 keeps 30 m away for 2 s; 30 m of error would bring it into sight.
+    exact, wrong = (
+        speed(drive({"sensor_radius": 20.0, "error_seed": 3, **view}, planner))
+        for view in ({}, {"position_error": 30.0})
+    )
+    assert np.array_equal(exact[:20], wrong[:20])
+
+
 def test_others_are_not_affected_by_what_one_agent_perceives():
     runs = [
         idr.simulate(leader_brakes(), agents=[1, 2], planner="idm", views=views, threads=1)

@@ -101,7 +101,7 @@ settings! {
         speed_error: f64 = 0.0, between(0.0, 10.0);
         /// Share of the time steps at which it does not perceive a participant that it sees.
         missed: f64 = 0.0, between(0.0, 1.0);
-        /// Seed of the errors of perception. It does not follow the seed of the run.
+        /// Seed of the errors of perception, besides the seed of the run.
         error_seed: usize = 0, between(0.0, u32::MAX as f64);
         /// Time after its start from which it does not look.
         inattentive_from: f64 ["s"] = 0.0, between(0.0, 1e5);

@@ -193,7 +193,7 @@ impl PyWorld {
             Some(told) => progress(told)?,
             None => self.0.progress(id).map_err(exception)?,
         };
-        let seems = scene.scene.perceived_by(row, &agent.view);
+        let seems = scene.scene.perceived_by(row, &agent.view, &visible);
         Ok(PyView {
             visible,
             known: known.map(|known| known.into_iter().map(|parts| body(&scene.scene, parts)).collect()),

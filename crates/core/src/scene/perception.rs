@@ -18,8 +18,13 @@ const MISSED: i64 = 3;
 
 impl ViewLimits {
     /// Participants seem to be where they are, as fast as they are.
-    fn is_exact(&self) -> bool {
+    pub(crate) fn is_exact(&self) -> bool {
         self.delay == 0.0 && self.position_error == 0.0 && self.speed_error == 0.0
+    }
+
+    /// What it perceives depends on draws.
+    pub(crate) fn errs(&self) -> bool {
+        self.position_error > 0.0 || self.speed_error > 0.0 || self.missed > 0.0
     }
 
     /// One participant, by their ids, does not perceive another one at a time step although it sees it.
@@ -64,7 +69,7 @@ impl ViewLimits {
 /// What an agent perceives, where that is not all as it is.
 #[derive(Debug, Clone)]
 pub struct Perceived {
-    /// Everybody where it seems to be, with the past.
+    /// Those that it sees where they seem to be, with the past.
     pub scene: Arc<Scene>,
     /// How those present seem to move, in the order of `present`.
     motions: Vec<Motion>,
@@ -72,51 +77,65 @@ pub struct Perceived {
 
 /// How a participant moves along its heading, as it can be observed.
 #[derive(Debug, Clone, Copy)]
-struct Motion {
+pub(crate) struct Motion {
     /// [m/s]
-    velocity: f64,
+    pub(crate) velocity: f64,
     /// Deceleration, not negative [m/s²].
-    braking: f64,
+    pub(crate) braking: f64,
 }
 
 impl Scene {
-    /// The scene as the participant in a row perceives it: everybody else who can move is late and not quite where it is. A
-    /// participant that has just come is where it was before if it came at its first speed. `None` if nothing differs.
-    pub fn perceived_by(&self, row: usize, limits: &ViewLimits) -> Option<Perceived> {
-        self.perceived(row, limits, 0)
-    }
-
-    /// The same for who does not look at the past, which stays as it is: that is faster.
-    pub(crate) fn perceived_now_by(&self, row: usize, limits: &ViewLimits) -> Option<Perceived> {
-        self.perceived(row, limits, self.past.n_steps - 1)
-    }
-
-    fn perceived(&self, row: usize, limits: &ViewLimits, first_column: usize) -> Option<Perceived> {
+    /// The scene as the participant in a row perceives it: those of the rows that it sees who can move are late and not quite
+    /// where they are. A participant that has just come is where it was before if it came at its first speed. `None` if
+    /// nothing differs.
+    pub fn perceived_by(&self, row: usize, limits: &ViewLimits, seen: &[usize]) -> Option<Perceived> {
         if limits.is_exact() {
             return None;
         }
-        let (mut seems, participants) = (self.clone(), &self.participants);
-        let late = limits.late_steps(self.dt);
-        let ids = |other: usize| [participants.ids[row], participants.ids[other]];
-        let differs = |other: usize| other != row && !participants.is_static[other];
-        for other in (0..participants.ids.len()).filter(|other| differs(*other)) {
-            for column in first_column..self.past.n_steps {
+        let mut seems = self.clone();
+        let mut motions: Vec<Motion> =
+            self.present.iter().map(|other| self.motion(*other, self.time_step, 1.0)).collect();
+        for other in seen.iter().copied().filter(|other| self.differs(row, *other)) {
+            for column in 0..self.past.n_steps {
                 let then = self.past.first_time_step + column as i64;
-                if let Some((_, state)) = self.some_time_before(other, then, late) {
-                    seems.past.set(other, column, &limits.seeming(state, ids(other), then as f64 * self.dt));
+                if let Some(state) = self.seeming_at(row, other, limits, then) {
+                    seems.past.set(other, column, &state);
                 }
             }
-        }
-        let motion = |other: &usize| {
-            if !differs(*other) {
-                return self.motion(*other, self.time_step, 1.0);
+            if let Ok(place) = self.present.binary_search(&other) {
+                motions[place] = self.seeming_motion(row, other, limits);
             }
-            // Errors would contradict the true speeds, so these are observed first.
-            let (then, _) = self.some_time_before(*other, self.time_step, late).expect("it is present");
-            self.motion(*other, then, limits.speed_factor(ids(*other), self.time_step as f64 * self.dt))
-        };
-        let motions = self.present.iter().map(motion).collect();
+        }
         Some(Perceived { scene: Arc::new(seems), motions })
+    }
+
+    /// How one who is present seems to be and to move now to the participant in a row; `None`: as it is and does.
+    pub(crate) fn seeming_to(&self, row: usize, other: usize, limits: &ViewLimits) -> Option<(State, Motion)> {
+        if limits.is_exact() || !self.differs(row, other) {
+            return None;
+        }
+        Some((self.seeming_at(row, other, limits, self.time_step)?, self.seeming_motion(row, other, limits)))
+    }
+
+    fn differs(&self, row: usize, other: usize) -> bool {
+        other != row && !self.participants.is_static[other]
+    }
+
+    fn ids_of(&self, row: usize, other: usize) -> [i64; 2] {
+        [self.participants.ids[row], self.participants.ids[other]]
+    }
+
+    /// How another one seemed to be at a time step at which it was there.
+    fn seeming_at(&self, row: usize, other: usize, limits: &ViewLimits, then: i64) -> Option<State> {
+        let (_, state) = self.some_time_before(other, then, limits.late_steps(self.dt))?;
+        Some(limits.seeming(state, self.ids_of(row, other), then as f64 * self.dt))
+    }
+
+    fn seeming_motion(&self, row: usize, other: usize, limits: &ViewLimits) -> Motion {
+        // Errors would contradict the true speeds, so these are observed first.
+        let late = limits.late_steps(self.dt);
+        let (then, _) = self.some_time_before(other, self.time_step, late).expect("it is present");
+        self.motion(other, then, limits.speed_factor(self.ids_of(row, other), self.time_step as f64 * self.dt))
     }
 
     /// Where a participant was so many time steps before one at which it is there, and the time step at which it was observed:
@@ -142,7 +161,8 @@ impl Perceived {
     }
 
     /// Its deceleration, not negative [m/s²].
-    pub(crate) fn braking(&self, place: usize) -> f64 {
+    #[cfg(test)]
+    fn braking(&self, place: usize) -> f64 {
         self.motions[place].braking
     }
 
@@ -163,19 +183,25 @@ impl Perceived {
             if is == seen && faster == 0.0 {
                 continue;
             }
-            let off = seen.pose().position - is.pose().position;
-            for mode in 0..predictions.n_modes {
-                let first = predictions.offset(own, mode);
-                let mut off = off;
-                for k in (first..first + predictions.n_steps).filter(|k| predictions.valid[*k]) {
-                    let (velocity, axis) = (predictions.velocity[k], Point::from_angle(predictions.orientation[k]));
-                    found.velocity[k] = changed(velocity, faster);
-                    off = off + axis * ((found.velocity[k] - velocity) * truth.dt);
-                    (found.x[k], found.y[k]) = (predictions.x[k] + off.x, predictions.y[k] + off.y);
-                }
-            }
+            found.shift(own, seen.pose().position - is.pose().position, faster, truth.dt);
         }
         found
+    }
+}
+
+impl Predictions {
+    /// Has a row begin elsewhere, and be faster all the time by a speed [m/s].
+    pub(crate) fn shift(&mut self, row: usize, off: Point, faster: f64, dt: f64) {
+        for mode in 0..self.n_modes {
+            let first = self.offset(row, mode);
+            let mut off = off;
+            for k in (first..first + self.n_steps).filter(|k| self.valid[*k]) {
+                let (velocity, axis) = (self.velocity[k], Point::from_angle(self.orientation[k]));
+                self.velocity[k] = changed(velocity, faster);
+                off = off + axis * ((self.velocity[k] - velocity) * dt);
+                (self.x[k], self.y[k]) = (self.x[k] + off.x, self.y[k] + off.y);
+            }
+        }
     }
 }
 
@@ -212,12 +238,16 @@ mod tests {
     }
 
     fn perceived(limits: ViewLimits) -> Perceived {
-        scene().perceived_by(0, &limits).expect("it differs")
+        scene().perceived_by(0, &limits, &[1]).expect("it differs")
     }
 
     #[test]
     fn without_errors_nothing_differs() {
-        assert!(scene().perceived_by(0, &ViewLimits { missed: 0.5, error_seed: 3, ..ViewLimits::default() }).is_none());
+        assert!(
+            scene()
+                .perceived_by(0, &ViewLimits { missed: 0.5, error_seed: 3, ..ViewLimits::default() }, &[1])
+                .is_none()
+        );
     }
 
     #[test]
@@ -236,11 +266,14 @@ mod tests {
         Arc::make_mut(&mut scene.participants).is_agent[1] = false;
         for (delay, position_error) in [(0.3, 0.0), (0.0, 5.0), (3.0, 2.0)] {
             let limits = ViewLimits { delay, position_error, speed_error: 0.3, error_seed: 2, ..ViewLimits::default() };
-            let seems = scene.perceived_by(0, &limits).expect("it differs");
+            let seems = scene.perceived_by(0, &limits, &[1]).expect("it differs");
             assert_eq!(seems.velocity(1), seems.scene.state(1).velocity, "planners of the core perceive the same");
             assert!((seems.velocity(1) - 10.0).abs() > 1.0 && seems.braking(1) == 0.0);
-            let now = scene.perceived_now_by(0, &limits).expect("it differs");
-            assert_eq!((now.scene.state(1), now.velocity(1)), (seems.scene.state(1), seems.velocity(1)));
+            let (state, motion) = scene.seeming_to(0, 1, &limits).expect("it differs");
+            assert_eq!((state, motion.velocity), (seems.scene.state(1), seems.velocity(1)));
+            assert!(scene.seeming_to(0, 0, &limits).is_none(), "it perceives itself as it is");
+            let unseen = scene.perceived_by(0, &limits, &[]).expect("it looks with errors");
+            assert_eq!((unseen.scene.state(1), unseen.velocity(1)), (scene.state(1), 10.0));
         }
     }
 
@@ -251,7 +284,8 @@ mod tests {
             let velocity = 10.0 - 0.5 * (step - 20) as f64;
             scene.past.set(1, step, &State { x: step as f64, velocity, ..State::default() });
         }
-        let seems = |delay| scene.perceived_by(0, &ViewLimits { delay, ..ViewLimits::default() }).expect("it differs");
+        let seems =
+            |delay| scene.perceived_by(0, &ViewLimits { delay, ..ViewLimits::default() }, &[1]).expect("it differs");
         assert!((seems(0.3).braking(1) - 5.0).abs() < 1e-9 && seems(1.0).braking(1) == 0.0);
     }
 

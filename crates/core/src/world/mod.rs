@@ -304,6 +304,11 @@ impl World {
     /// As [`World::new`].
     pub fn with_shared(scenario: Arc<Scenario>, mut agents: Vec<Arc<Agent>>, settings: WorldSettings) -> Result<Self> {
         agents.sort_by_key(|agent| agent.id);
+        // Errors of perception follow the seed of the world, too.
+        let own = (settings.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize;
+        for agent in agents.iter_mut().filter(|agent| own != 0 && agent.view.errs()) {
+            Arc::make_mut(agent).view.error_seed ^= own;
+        }
         let mut world = Self::empty(Arc::clone(&scenario), settings)?;
         check_agents(&agents, scenario.obstacles.states.first_time_step)?;
         check_delays(agents.iter().map(|agent| &**agent), &settings.step, scenario.dt)?;

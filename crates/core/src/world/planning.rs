@@ -15,7 +15,7 @@ use crate::plan::{
 };
 use crate::predict::completed;
 use crate::rules::Rules;
-use crate::scene::{Perceived, Scene};
+use crate::scene::Scene;
 use crate::trajectory::{Plans, Predictions, Trajectory};
 use crate::v2x::{Extra, Known, SharedPredictions};
 use crate::vehicle::single_track::Moved;
@@ -79,13 +79,11 @@ impl World {
             return Ok(None);
         }
         let (crowd, table) = &Crowd::expected(scene, expected);
-        let seems = scene.perceived_now_by(drive.row, &drive.agent.view);
-        let perceived = seems.as_ref().map(|seems| crowd.perceived((scene, seems), table));
-        let exact = PredictionIndex::of(table, &crowd.positions);
-        let (crowd, table, prediction_index) =
-            perceived.as_ref().map_or((crowd, &**table, &exact), |(crowd, table, index)| (crowd, table, index));
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
+        let perceived = crowd.perceive(drive, scene, table, &visible, &mut others);
+        let exact = PredictionIndex::of(table, &crowd.positions);
+        let (table, prediction_index) = perceived.as_ref().map_or((&**table, &exact), |(table, index)| (table, index));
         let level = self.on_its_storey(drive, &others, table);
         let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), prediction_index));
         Ok(plan::candidates(&drive.agent.planner, drive.prepared(&self.scenario), &request))
@@ -121,12 +119,10 @@ impl World {
         if drive.agent.planner == Planner::External {
             return None;
         }
-        let seems = scene.perceived_now_by(drive.row, &drive.agent.view);
-        let perceived = seems.as_ref().map(|seems| crowd.perceived((scene, seems), expected.0));
-        let (crowd, expected) =
-            perceived.as_ref().map_or((crowd, expected), |(crowd, table, index)| (crowd, (table, index)));
         let mut others: Vec<Other<'_>> = std::mem::take(&mut memory.others);
         crowd.see(drive, scene, &mut memory.visible, &mut others);
+        let perceived = crowd.perceive(drive, scene, expected.0, &memory.visible, &mut others);
+        let expected = perceived.as_ref().map_or(expected, |(table, index)| (table, index));
         let level = self.on_its_storey(drive, &others, expected.0);
         let request = self.request(drive, &others, (level.as_ref().unwrap_or(expected.0), expected.1));
         let plan = match (&drive.agent.planner, drive.weights) {
@@ -278,23 +274,6 @@ impl<'a> Crowd<'a> {
         (Self { told: Some(told), ..crowd }, Cow::Borrowed(&told.table))
     }
 
-    /// The same as an agent perceives them, and what it expects of them: the participants in sight are where they seem to
-    /// be. What it was told has no errors.
-    fn perceived(
-        &self,
-        (scene, seems): (&Scene, &'a Perceived),
-        predictions: &Predictions,
-    ) -> (Self, Predictions, PredictionIndex) {
-        let mut crowd = Self { told: self.told, ..Self::of(&seems.scene) };
-        for (place, other) in crowd.all.iter_mut().enumerate() {
-            (other.velocity, other.braking) = (seems.velocity(place), seems.braking(place));
-        }
-        crowd.positions.extend(&self.positions[crowd.positions.len()..]);
-        let table = seems.expected(scene, predictions, &Some);
-        let index = PredictionIndex::of(&table, &crowd.positions);
-        (crowd, table, index)
-    }
-
     /// Writes the participants that an agent sees or was told of; `visible` is memory.
     fn see(&self, drive: &Drive, scene: &Scene, visible: &mut Vec<usize>, others: &mut Vec<Other<'a>>) {
         others.clear();
@@ -306,6 +285,40 @@ impl<'a> Crowd<'a> {
         }
         scene.see(drive.row, &drive.agent.view, &self.positions, visible);
         others.extend(visible.iter().map(|place| self.all[*place]));
+    }
+
+    /// Has the others that an agent sees be where they seem to be, and returns what it expects of them; `None` if it
+    /// perceives all as it is. What it was told has no errors. `visible` is as `see` has written it.
+    fn perceive(
+        &self,
+        drive: &Drive,
+        scene: &Scene,
+        predictions: &Predictions,
+        visible: &[usize],
+        others: &mut [Other<'a>],
+    ) -> Option<(Predictions, PredictionIndex)> {
+        let view = &drive.agent.view;
+        if view.is_exact() {
+            return None;
+        }
+        let (mut table, mut positions) = (predictions.clone(), self.positions.clone());
+        let mut seen = |i: usize, place: usize| {
+            let Some((state, motion)) = scene.seeming_to(drive.row, scene.present[place], view) else { return };
+            let pose = state.pose();
+            let off = pose.position - positions[place];
+            table.shift(place, off, motion.velocity - self.all[place].velocity, scene.dt);
+            positions[place] = pose.position;
+            others[i] = Other { pose, velocity: motion.velocity, braking: motion.braking, ..others[i] };
+        };
+        match self.told.and_then(|told| told.known.get(&drive.agent.id)) {
+            Some(known) => {
+                let places = known.iter().enumerate().filter_map(|(i, known)| Some((i, known.seen?)));
+                places.for_each(|(i, place)| seen(i, place));
+            }
+            None => visible.iter().enumerate().for_each(|(i, place)| seen(i, *place)),
+        }
+        let index = PredictionIndex::of(&table, &positions);
+        Some((table, index))
     }
 
     fn other(&self, known: &Known, told: &'a SharedPredictions) -> Other<'a> {
