@@ -33,6 +33,7 @@ from interdrive.failure_search.shrinking import shrunk
 from interdrive.failure_search.spaces import disturbance, undisturbed
 from interdrive.failure_search.trials import Setup, Trial
 from interdrive.native_settings import RoadSettings
+from interdrive.plots.view import view_of_end
 from interdrive.scenario.native import core_road
 from interdrive.testing import Car, straight_road, world
 
@@ -122,6 +123,17 @@ def test_the_runs_of_a_failure_are_valid_and_its_witness_drives_on(done):
     for name in ("run", "witness"):
         verified = CliRunner().invoke(main, ["verify", "--trust", str(one.folder / name)])
         assert (verified.exit_code, verified.output[:6]) == (0, "equal:")
+
+
+def test_the_picture_of_a_failure_shows_where_it_happened(done):
+    run = done[0].failures[0].replay(trust=True)
+    view = view_of_end(run, AGENT, seconds=1.0)
+    row = run.states.participant_id.tolist().index(AGENT)
+    last = int(np.flatnonzero(run.states.valid[row])[-1])
+    (x, y) = view.picture_from_world(np.array([run.states.x[row, last], run.states.y[row, last]]))
+    assert view.x_limits[0] + 15.0 < x < view.x_limits[1] - 15.0
+    assert view.y_limits[0] + 15.0 < y < view.y_limits[1] - 15.0
+    assert view.width < 12.0 + 2.0 * 15.0 + 2.0 * 15.0, "m: a second, what is around it, and a margin"
 
 
 def test_an_agent_that_fails_undisturbed_is_named_first_and_still_searched(tmp_path):

@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 _FILE, _START = "failure.json", "start.xml"
 #: Frames per second of films.
 _FILM_RATE = 5.0
+#: Smallest and largest height of films, as shares of their width.
+_FILM_ASPECTS = 0.4, 0.75
 #: What is said of a failure whose disturbance may be larger than it has to be.
-UNSHRUNK = " (not made as small as it can be: the search ended before, or the process was lost)"
+UNSHRUNK = " (not made as small as it can be: the search ended before, or was not to do it, or the process was lost)"
 _TEXTS = ("failure", "words", "disturbance", "witness", "digest", "signature", "version")
 
 
@@ -171,14 +173,16 @@ def _read(path: Path) -> Scenario:
 
 def finish(found: Failure, run: Run, avoided: Run | None) -> None:
     """Writes the rest of the folder; `failure.json` comes last, so a folder that has it is whole."""
-    from interdrive.plots import draw_run, save_figure  # noqa: PLC0415 - matplotlib
+    from interdrive.plots import animate_run, draw_run, save_figure  # noqa: PLC0415 - matplotlib
+    from interdrive.plots.view import view_of_end  # noqa: PLC0415
 
     folder = found.folder
     run.save(folder / "run")
     if avoided is not None:
         avoided.save(folder / "witness")
-    save_figure(draw_run(run), folder / "failure.png")
-    run.animation(folder / "failure.gif", fps=_FILM_RATE)
+    view = view_of_end(run, found.drive.agent_id)
+    save_figure(draw_run(run, view=view), folder / "failure.png")
+    animate_run(run, folder / "failure.gif", fps=_FILM_RATE, view=view.shaped(*_FILM_ASPECTS))
     (folder / "run.toml").write_text(_configuration(found.drive), encoding="utf-8")
     (folder / "README.md").write_text(_words(found), encoding="utf-8")
     drive = {**vars(found.drive), "others": {str(key): value for key, value in found.drive.others.items()}}

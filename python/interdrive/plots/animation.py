@@ -17,6 +17,7 @@ from interdrive.storage import replacing
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from interdrive.plots.view import View
     from interdrive.run import RunRecord
 
 #: The last frame stays for this long [s].
@@ -38,7 +39,12 @@ def check_animation(path: str | Path) -> None:
 
 
 def animate_run(
-    run: RunRecord, path: str | Path, *, fps: float = 10.0, on_frame: Callable[[int, int], None] | None = None
+    run: RunRecord,
+    path: str | Path,
+    *,
+    fps: float = 10.0,
+    on_frame: Callable[[int, int], None] | None = None,
+    view: View | None = None,
 ) -> None:
     """Writes a film of the run in real time, whole or not at all.
 
@@ -50,6 +56,7 @@ def animate_run(
         path: Ends in .gif or .mp4 (needs ffmpeg).
         fps: Frames per second, at most one per time step.
         on_frame: Called after every frame with the number of frames done and in all.
+        view: What is shown; None: where the agents move.
 
     Raises:
         InputError: fps is not positive.
@@ -59,7 +66,7 @@ def animate_run(
     check_animation(path)
     if not fps > 0:
         raise InputError(f"fps must be positive, not {fps}")
-    stage = Stage(run)
+    stage = Stage(run, view=view)
     rate = min(fps, 1.0 / run.scenario.dt)
     n_frames = max(1, round((run.states.n_steps - 1) * run.scenario.dt * rate) + 1)
     columns = [min(run.states.n_steps - 1, round(k / rate / run.scenario.dt)) for k in range(n_frames)]

@@ -62,19 +62,22 @@ _FONT = 7.0
 _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
 
 
-def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str = "recorded traffic") -> Figure:
+def draw_run(
+    run: RunRecord, *, width_mm: float = 180.0, others: str = "recorded traffic", view: View | None = None
+) -> Figure:
     """A figure of the run: trajectories coloured by time over the road, outcomes as markers.
 
     Args:
         run: Finished or interrupted.
         width_mm: Width of the figure on paper [mm].
         others: Name in the legend of vehicles that are not agents.
+        view: What is shown; None: where the agents move.
 
     Returns:
         A matplotlib figure without pyplot; `save_figure` or `savefig` write it as PNG, PDF or SVG.
     """
     width = width_mm * MM
-    view = view_of(run).shaped(0.2, _ASPECT_MAX)
+    view = (view or view_of(run)).shaped(0.2, _ASPECT_MAX)
     handles = _legend_handles(run, others)
     columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * MM)
     rows = -(-len(handles) // columns)

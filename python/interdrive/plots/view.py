@@ -72,6 +72,23 @@ def view_of(run: RunRecord) -> View:
     return view_around(*_driven(run.states))
 
 
+def view_of_end(run: RunRecord, agent_id: int, seconds: float = 5.0, around: float = 15.0) -> View:
+    """Where an agent was last, with some space around.
+
+    Args:
+        run: The run.
+        agent_id: The agent.
+        seconds: For how long before its end [s].
+        around: How far from there the view reaches at least [m].
+    """
+    states = run.states
+    row = int(np.searchsorted(states.participant_id, agent_id))
+    last = np.flatnonzero(states.valid[row])[-1 - round(seconds / run.scenario.dt) :]
+    way = np.stack([states.x[row, last], states.y[row, last]], axis=1)
+    corners = around * np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)])
+    return view_around((way[:, None] + corners).reshape(-1, 2), way[-1:] - way[:1])
+
+
 def view_around(points: Floats, motion: Floats) -> View:
     """A view of points of the world [m], shape (points, 2), with some space around them.
 
