@@ -8,9 +8,10 @@ from rings import ring
 
 import interdrive as idr
 from interdrive.run.flows import lane_flows
-from interdrive.simulation import Simulation
+from interdrive.scenario.known_goals import MapEnds
+from interdrive.simulation import Simulation, core_road
 from interdrive.testing import Car, problem, straight_road, world
-from interdrive.traffic import LaneGraph
+from interdrive.traffic import LaneGraph, TrafficMaker
 
 FAST = {"record.violations": False, "record.orders": False}
 
@@ -184,13 +185,65 @@ def test_turning_shares_decide_at_forks():
     assert turns[0, 0, 1] == {6}
 
 
+def graph_of(scenario):
+    road = core_road(scenario, idr.SimulationSettings().road)
+    return LaneGraph(scenario.lanelets, road, MapEnds(scenario, road))
+
+
 def test_a_lane_that_begins_within_the_map_is_no_entry():
     lanelets = straight_road(200.0, 2)
     before = replace(lanelets, predecessors=((), ()), successors=((), ()))
-    scenario = world(before, steps=0)
-    graph = LaneGraph(scenario.lanelets, idr.simulation.core_road(scenario, idr.SimulationSettings().road))
+    graph = graph_of(world(before, steps=0))
     assert graph.entries == (1, 2)
     assert graph.exits == {1, 2}
+
+
+def lanes_after(*spans):
+    """Lanelets on the x axis, each from one x to another [m]; none leads to the next."""
+    whole = straight_road(300.0, 1)
+    lines = [(np.linspace(begin, end, 20), np.sign(end - begin) * 1.75) for begin, end in spans]
+    none = np.full(len(spans), -1)
+    return replace(
+        whole,
+        ids=np.arange(1, len(spans) + 1),
+        left=tuple(np.column_stack([x, np.full(20, half)]) for x, half in lines),
+        right=tuple(np.column_stack([x, np.full(20, -half)]) for x, half in lines),
+        predecessors=((),) * len(spans),
+        successors=((),) * len(spans),
+        adjacent_left=none,
+        adjacent_left_same_direction=none > 0,
+        adjacent_right=none,
+        adjacent_right_same_direction=none > 0,
+        speed_limit=np.full(len(spans), 13.9),
+        types=((),) * len(spans),
+    )
+
+
+def test_a_lane_that_ends_before_more_of_the_map_is_no_exit_and_no_entry_leads_to_it():
+    graph = graph_of(world(lanes_after((0.0, 100.0), (120.0, 300.0)), steps=0))
+    assert graph.exits == {2}
+    assert graph.entries == (2,)
+
+
+def test_where_no_lane_leads_out_of_the_map_all_ends_are_exits():
+    towards_each_other = lanes_after((0.0, 100.0), (220.0, 120.0))
+    assert graph_of(world(towards_each_other, steps=0)).exits == {1, 2}
+
+
+def test_routes_are_computed_once_for_a_map_whatever_was_made_before():
+    scenario, settings = road(300.0, lanes=1), idr.SimulationSettings()
+    traffic = idr.TrafficSettings(rate=900.0, duration=30.0, density=0.0, mix=(1.0, 0.0, 0.0))
+
+    def maker():
+        return TrafficMaker(scenario, core_road(scenario, settings.road), traffic, settings.step)
+
+    used = maker()
+    first, second = used.made(1, ()), used.made(2, ())
+    assert len({id(agent.route) for agent in (*first.agents, *second.agents)}) == 1
+    alone = maker().made(2, ())
+    for made, other in zip(second.agents, alone.agents, strict=True):
+        assert made.initial_state == other.initial_state
+        np.testing.assert_array_equal(made.route.reference_path, other.route.reference_path)
 
 
 @pytest.mark.parametrize(

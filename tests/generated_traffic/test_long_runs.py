@@ -1,5 +1,7 @@
 """Runs that are written while they are simulated are those that are held until their end."""
 
+import subprocess
+import sys
 from dataclasses import fields
 from functools import cache
 
@@ -143,6 +145,40 @@ def test_memory_does_not_grow_with_vehicles_that_have_left():
     assert sizes[0][1] > 0
     # Planners look back by a few seconds.
     assert max(size[2] for size in sizes) == sizes[-1][2] < 40
+
+
+#: Drives an open road of two lanes with 1200 vehicles per hour and lane; prints its memory [kB] every five minutes.
+LONG_RUN = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+import numpy as np
+from interdrive.long_runs import write_run
+from interdrive.simulation import Simulation
+from interdrive.testing import straight_road, world
+
+def told(time_step, *_):
+    if time_step % 3000 == 0:
+        status = Path("/proc/self/status").read_text()
+        print(next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM")))
+
+lanelets = replace(straight_road(1000.0, 2), speed_limit=np.full(2, 30.0))
+traffic = "idm,rate=1200,duration=1230"
+simulation = Simulation(
+    world(lanelets, steps=0), agents=0, traffic=traffic, predictor="lane_following", seed=1, threads=1
+)
+write_run(simulation, sys.argv[1], on_step=told)
+"""
+
+
+@pytest.mark.long
+def test_memory_at_20_minutes_is_that_at_10_minutes(tmp_path):
+    command = [sys.executable, "-c", LONG_RUN, str(tmp_path / "made")]
+    peaks = list(map(int, subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()))
+    assert len(peaks) == 4
+    # An hour: 1.02 times that at 10 minutes.
+    assert peaks[3] <= 1.05 * peaks[1], "kB"
+    assert peaks[3] < 300_000, "kB"
 
 
 def test_traffic_has_the_time_that_is_asked_for_however_long_that_is():

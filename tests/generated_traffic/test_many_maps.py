@@ -5,8 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from appearances import along_and_aside, too_near
 
 import interdrive as idr
+from interdrive.run.assemble import recorded_traffic
+from interdrive.testing import Car, straight_road, world
 
 FAST = {"record.violations": False, "record.orders": False}
 #: Braking that nobody has to exceed because of an entry [m/s²], and for how long an entry may be to blame [s].
@@ -72,16 +75,6 @@ def judged(run):
     return found
 
 
-def along_and_aside(states, one, other, at):
-    """How far a vehicle is ahead of another one and beside it [m], in its frame, and how it is turned [rad]."""
-    dx, dy = states.x[other, at] - states.x[one, at], states.y[other, at] - states.y[one, at]
-    cos, sin = np.cos(states.orientation[one, at]), np.sin(states.orientation[one, at])
-    turn = np.mod(states.orientation[other, at] - states.orientation[one, at] + np.pi, 2.0 * np.pi) - np.pi
-    along = dx * cos + dy * sin
-    # On an arc the way bends aside by half the angle.
-    return along, dy * cos - dx * sin - 0.5 * along * turn, turn
-
-
 def needed_braking(states, row, at):
     """Braking that a vehicle needs when it enters, or the one behind it [m/s²], and the row of which of them."""
     worst = 0.0, row
@@ -120,6 +113,7 @@ def check(files, seeds, seconds):
             found = judged(run)
             where = f"{file.name}, seed {seed}: {found}"
             hard += [(file.name, seed, *entry) for entry in found.hard_entries]
+            assert not too_near(run.states), where
             assert not found.early_contacts, where
             assert not found.same_lane_contacts, where
             vehicles, maps = vehicles + found.vehicles, maps + 1
@@ -144,6 +138,14 @@ def test_a_judge_of_entries_finds_what_is_wrong():
     velocity[row, at], acceleration[row, at + 3] = 60.0, -6.0
     run = replace(run, states=replace(run.states, velocity=velocity, acceleration=acceleration))
     assert [number for number, _ in judged(run).hard_entries] == [int(entered[-1])]
+
+
+def test_who_appears_right_ahead_of_another_one_is_found():
+    # 10 m/s: 12.5 m to brake, and 2 m; from centre to centre a length of 4.5 m more.
+    for ahead, is_found in ((18.0, True), (20.0, False)):
+        cars = [Car(1, 20.0, velocity=10.0), Car(2, 30.0 + ahead, velocity=10.0, first=10)]
+        scenario = world(straight_road(400.0, 1), cars=cars, steps=30)
+        assert bool(too_near(recorded_traffic(scenario).states)) == is_found
 
 
 def test_on_a_sample_of_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_folder):

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from interdrive import InputError, SimulationSettings
 from interdrive.cli import main
 from interdrive.cli.traffic_report import print_capacities
+from interdrive.simulation import simulate
 from interdrive.storage import arrow_table, read_table
 from interdrive.studies.flow import COLUMNS, FLOW_FOLDER, capacities, flow_figure, flow_study, save_flow
 from interdrive.studies.flow.measure import ring_road
@@ -145,3 +146,36 @@ def test_an_unknown_planner_is_named():
             settings=SimulationSettings(),
             threads=1,
         )
+
+
+def spread(planner, seconds, **settings):
+    """Standard deviation of speeds [m/s] on a ring of 1 km with 60 vehicles, in the first and last 20 s of a run."""
+    cars = {"traffic.mix": (1.0, 0.0, 0.0), "traffic.speed_factor": (1.0, 0.0), "traffic.time_gap": None}
+    run = simulate(
+        ring_road(1000.0, 1),
+        agents=0,
+        predictor="lane_following",
+        traffic={"planner": planner, "density": 60.0, "duration": seconds},
+        settings={"record.violations": False, "record.orders": False, **cars, **settings},
+        threads=1,
+    )
+    assert "collision" not in run.outcomes.outcome
+    own = run.states.velocity.std(axis=0)
+    return own[:200].mean(), own[-200:].mean()
+
+
+@pytest.mark.parametrize(("acceleration", "waves"), [(0.4, True), (4.0, False)])
+def test_waves_grow_in_strings_of_idm_that_are_unstable_by_theory(acceleration, waves):
+    # Treiber, Kesting, "Traffic Flow Dynamics", 2013, section 15.4: unstable where the speed of equilibrium grows more
+    # with the gap (here 0.79 /s) than half of what the acceleration changes with both speeds: 0.43 /s for 0.4 m/s²,
+    # 1.63 /s for 4 m/s².
+    before, after = spread("idm", 90.0, **{"planner.idm.acceleration": acceleration})
+    assert (after > 2.0 * before) if waves else (after < before)
+
+
+@pytest.mark.long
+def test_strings_of_rollout_are_at_least_as_stable_as_those_of_idm():
+    _, following = spread("idm", 90.0)
+    before, after = spread("rollout", 90.0)
+    assert after <= 1.1 * before
+    assert after <= following

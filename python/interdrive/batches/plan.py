@@ -216,6 +216,11 @@ def planned(
 
 def _who(agents: str | int, traffic: str | None, *, alone: bool, seeds: int, is_drawn: bool) -> tuple[str | int, str]:
     """Agents and traffic, checked together; with generated traffic (`is_drawn`) every seed makes another run."""
+    if agents == 0 and agents is not False:
+        raise InputError(
+            "agents: 0 leaves nobody under test, whom a batch is about; "
+            "`interdrive run --agents 0 --traffic rate=600` drives generated vehicles alone, one --seed at a time"
+        )
     if agents not in ("all", "reachable") and (not isinstance(agents, int) or isinstance(agents, bool) or agents < 1):
         raise InputError(f"agents: expected all, reachable or a number of at least 1, not {agents!r}")
     traffic = traffic_kind(traffic)

@@ -144,6 +144,7 @@ class MapEnds:
         self._lanelets, self._road, self._dt = scenario.lanelets, road, scenario.dt
         self._rows = {number: row for row, number in enumerate(scenario.lanelets.ids.tolist())}
         self._out: dict[int, bool] = {}
+        self._lengths: dict[int, float] = {}
         self._led_from = {number for ids in scenario.lanelets.predecessors for number in ids}
 
     def areas(self, last_lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
@@ -155,6 +156,22 @@ class MapEnds:
             speed: Its desired speed [m/s].
         """
         return self._areas(self._side_by_side(last_lanelet), length, speed)
+
+    def last_stretch(self, lanelet: int, size: float) -> tuple[Shape, ...]:
+        """The last metres of a lanelet, or those around its middle where it ends earlier than the file says.
+
+        Args:
+            lanelet: Its id.
+            size: How many metres [m].
+        """
+        length = self._length(lanelet)
+        size = min(size, length)
+        for s, before, after in ((length, size, 0.0), (0.5 * length, 0.5 * size, 0.5 * size)):
+            found = [np.asarray(polygon) for polygon in self._road.lane_stretch(lanelet, s, before, after)]
+            areas = tuple(Shape("polygon", vertices=polygon) for polygon in found if _is_area(polygon))
+            if areas:
+                return areas
+        return ()
 
     def areas_anywhere(self, last_lanelet: int, length: float, speed: float, user: int) -> tuple[Shape, ...]:
         """The same, and all other places where a vehicle leaves the map that gets onto another way than its own.
@@ -170,10 +187,10 @@ class MapEnds:
         if not self.areas(last_lanelet, length, speed):
             return ()
         own = self._side_by_side(last_lanelet)
-        found = [n for n in self._rows if n in own or (self._road.admits(n, user) and self._leads_out(n))]
+        found = [n for n in self._rows if n in own or (self._road.admits(n, user) and self.leads_out(n))]
         return self._areas(found, length, speed)
 
-    def _leads_out(self, number: int) -> bool:
+    def leads_out(self, number: int) -> bool:
         """Whether a lanelet without successors ends at the edge of the map, and is more than a bay."""
         if number not in self._out:
             own = self._is_beyond(number)
@@ -225,7 +242,9 @@ class MapEnds:
         return line
 
     def _length(self, number: int) -> float:
-        return float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
+        if number not in self._lengths:
+            self._lengths[number] = float(np.hypot(*np.diff(self._centre(number), axis=0).T).sum())
+        return self._lengths[number]
 
     def _end(self, number: int) -> tuple[Floats, Floats]:
         """The last point of a lanelet [m], and where it heads there."""
@@ -269,3 +288,9 @@ class MapEnds:
                 found.append(int(neighbours[row]))
                 row = self._rows[found[-1]]
         return found
+
+
+def _is_area(polygon: Floats) -> bool:
+    """Whether the vertices of a polygon do not lie on a line."""
+    x, y = (polygon - polygon[0]).T
+    return bool(abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) > 1e-3)

@@ -14,7 +14,7 @@ from interdrive.scenario.known_goals import MapEnds
 from interdrive.scenario.limits import LARGEST_ID, MOST_STEPS
 from interdrive.traffic.arrivals import due_times, vehicles
 from interdrive.traffic.filling import filled
-from interdrive.traffic.journeys import JourneyMaker, Wish
+from interdrive.traffic.journeys import EntryRoutes, JourneyMaker, Wish
 from interdrive.traffic.lanes import USUAL_LIMIT, LaneGraph
 
 if TYPE_CHECKING:
@@ -92,8 +92,9 @@ class TrafficMaker:
                 f"{settings.duration:g} s are {needed} time steps, but runs end after {most}; set step.max_steps",
             )
         self._scenario, self._road, self._settings = scenario, road, settings
-        self._graph = LaneGraph(scenario.lanelets, road)
         self._ends = MapEnds(scenario, road)
+        self._graph = LaneGraph(scenario.lanelets, road, self._ends)
+        self._routes = EntryRoutes(road, self._graph, self._ends)
         self._rates = _rates(scenario, settings, self._graph)
 
     def made(
@@ -133,7 +134,7 @@ class TrafficMaker:
         base = _first_id(scenario, others)
         if not wishes and not self._rates:
             raise InputError("traffic", f"{scenario.name}: no lane is long enough to be filled")
-        maker = JourneyMaker(scenario, self._road, settings, seed, graph, self._ends, first)
+        maker = JourneyMaker(scenario, self._road, settings, seed, graph, self._ends, self._routes, first)
         made = []
         for place, wish in enumerate(wishes):
             made.append(maker.made(wish, base + place, is_filled=place < n_filled))

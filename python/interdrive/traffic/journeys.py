@@ -18,7 +18,6 @@ from interdrive.traffic import draws
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.array_types import Floats
     from interdrive.scenario.model import Scenario
     from interdrive.traffic.arrivals import Driver
     from interdrive.traffic.lanes import LaneGraph
@@ -30,6 +29,8 @@ _TRUCK_SPEED = 25.0
 _ENTRY = 6.8
 #: Ways are no longer than this [m], and such a way ends in an area of this length [m].
 _WAY_MAX, _AREA = 3000.0, 20.0
+#: Length of the car whose route all share [m], and the largest number of routes that are kept.
+_CAR, _ROUTES_MAX = 4.6, 256
 #: Vehicles have this time [s] and so many times what the way takes on an empty road until their goal counts as late.
 _TIME, _TIMES = 60.0, 2.0
 #: Long vehicles take ways in whose bends their front sweeps no further beyond the lane [m], where there are such.
@@ -55,8 +56,28 @@ class Wish:
     speed: float = math.inf
 
 
+class EntryRoutes:
+    """Routes of vehicles that enter, worked out once per way: for a car as fast as the limits, whoever comes first."""
+
+    def __init__(self, road: _core.RoadNetwork, graph: LaneGraph, ends: MapEnds) -> None:
+        self._road, self._graph, self._ends = road, graph, ends
+        self._known: dict[tuple[tuple[int, ...], int], _core.Route] = {}
+
+    def along(self, lanes: tuple[int, ...], user: int) -> _core.Route:
+        """The route along lanelets from the edge of the map on, for a kind of vehicle (a position in `KINDS`)."""
+        if (lanes, user) not in self._known:
+            if len(self._known) == _ROUTES_MAX:
+                self._known.clear()
+            graph = self._graph
+            speed = max(graph.limit(lane) for lane in lanes)
+            goal = native_goal((arrival(_leaving(graph, self._ends, lanes[-1], _CAR, speed), 0, 2),), speed)
+            place = graph.place(lanes[0], _ENTRY)
+            self._known[lanes, user] = _core.Route.through(self._road, *place, speed, list(lanes), goal, user)
+        return self._known[lanes, user]
+
+
 class JourneyMaker:
-    """Makes agents of wishes; vehicles with the same way from the edge of the map share its path."""
+    """Makes agents of wishes."""
 
     def __init__(
         self,
@@ -66,11 +87,11 @@ class JourneyMaker:
         seed: int,
         graph: LaneGraph,
         ends: MapEnds,
+        routes: EntryRoutes,
         first: int,
     ) -> None:
         self._scenario, self._road, self._settings, self._seed = scenario, road, settings, seed
-        self._graph, self._ends, self._first = graph, ends, first
-        self._routes: dict[tuple[tuple[int, ...], int], _core.Route] = {}
+        self._graph, self._ends, self._routes, self._first = graph, ends, routes, first
 
     def made(self, wish: Wish, number: int, *, is_filled: bool) -> tuple[Agent, float]:
         """The agent, and the length of its way [m]."""
@@ -86,12 +107,10 @@ class JourneyMaker:
         last = first + math.ceil((_TIME + _TIMES * length / max(speed, 1.0)) / dt)
         goal = self._goal(wish, lanes, speed, first, last)
         core_goal = native_goal(goal, speed)
-        key = (lanes, user)
-        route = None if is_filled else self._routes.get(key)
-        if route is None:
+        if is_filled:
             route = _core.Route.through(self._road, x, y, orientation, speed, list(lanes), core_goal, user)
-        if not is_filled:
-            self._routes[key] = route
+        else:
+            route = self._routes.along(lanes, user)
         here = min(top, factor * graph.limit(wish.lane))
         velocity = min(here, wish.speed, self._slow_enough(route, lanes, wish))
         vehicle = _core.Vehicle(user, wish.length, wish.width)
@@ -139,27 +158,11 @@ class JourneyMaker:
 
     def _goal(self, wish: Wish, lanes: tuple[int, ...], speed: float, first: int, last: int) -> tuple[GoalState, ...]:
         """To leave the map, at any time up to `last`; on a ring to drive on until the end."""
-        if lanes[-1] in self._graph.exits:
-            areas = self._ends.areas(lanes[-1], wish.length, speed)
-        elif self._graph.to_exit:
-            areas = self._end_of(lanes[-1])
-        else:
-            areas = ()
+        areas = _leaving(self._graph, self._ends, lanes[-1], wish.length, speed)
         if not areas:  # a ring: it drives until the end
             last = max(first + 1, self._first + round(self._settings.duration / self._scenario.dt))
             return (GoalState(areas=(), lanelet_ids=(), time_step=(last, last), velocity=(0.0, 2.0 * speed)),)
         return (arrival(areas, first, last),)
-
-    def _end_of(self, lanelet: int) -> tuple[Shape, ...]:
-        """The last stretch of a lanelet, or its middle where it ends earlier than the file says."""
-        length = self._graph.length[lanelet]
-        area = min(_AREA, length)
-        for s, before, after in ((length, area, 0.0), (0.5 * length, 0.5 * area, 0.5 * area)):
-            found = [np.asarray(polygon) for polygon in self._road.lane_stretch(lanelet, s, before, after)]
-            areas = tuple(Shape("polygon", vertices=polygon) for polygon in found if _is_area(polygon))
-            if areas:
-                return areas
-        return ()
 
     def _slow_enough(self, route: _core.Route, lanes: tuple[int, ...], wish: Wish) -> float:
         """Speed from which bends and the first junction can be met with gentle braking [m/s]."""
@@ -179,14 +182,15 @@ class JourneyMaker:
         return float(least)
 
 
+def _leaving(graph: LaneGraph, ends: MapEnds, lanelet: int, length: float, speed: float) -> tuple[Shape, ...]:
+    """Where a vehicle of a length [m] and speed [m/s] leaves a way by its last lanelet; nowhere on a ring."""
+    if lanelet in graph.exits:
+        return ends.areas(lanelet, length, speed)
+    return ends.last_stretch(lanelet, _AREA) if graph.to_exit else ()
+
+
 def _fastest(graph: LaneGraph) -> float:
     return max(graph.limit(lanelet) for lanelet in graph.ids)
-
-
-def _is_area(polygon: Floats) -> bool:
-    """Whether the vertices of a polygon do not lie on a line."""
-    x, y = (polygon - polygon[0]).T
-    return bool(abs(np.dot(x, np.roll(y, 1)) - np.dot(y, np.roll(x, 1))) > 1e-3)
 
 
 def _taken(ways: Sequence[tuple[int, int]], turn: tuple[float, float, float], drawn: float) -> int:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from interdrive import _core
     from interdrive.array_types import Floats
+    from interdrive.scenario.known_goals import MapEnds
     from interdrive.scenario.model import Lanelets
 
 #: Speed where no limit is stated [m/s]: 50 km/h, the usual limit in towns.
@@ -53,16 +54,17 @@ class Chain:
 class LaneGraph:
     """The lanes of cars on a map, and how they are linked."""
 
-    def __init__(self, lanelets: Lanelets, road: _core.RoadNetwork) -> None:
+    def __init__(self, lanelets: Lanelets, road: _core.RoadNetwork, ends: MapEnds) -> None:
         """Reads the map.
 
         Args:
             lanelets: As the file states them.
             road: The same in the core.
+            ends: Where its roads lead out of it.
         """
         ids = lanelets.ids.tolist()
         self.row = {number: row for row, number in enumerate(ids)}
-        self._lanelets, self._road = lanelets, road
+        self._lanelets, self._road, self._ends = lanelets, road, ends
         self._clear: dict[int, bool] = {}
         self._bend: dict[int, tuple[float, float]] = {}
         self._lines: dict[int, tuple[Floats, Floats, Floats]] = {}
@@ -125,9 +127,13 @@ class LaneGraph:
 
     @cached_property
     def exits(self) -> frozenset[int]:
-        """Lanelets that lead out of the map: nothing follows them and those beside them."""
-        ends = (number for number in self.ids if not self.after[number])
-        return frozenset(n for n in ends if not any(self.after[other] for other in self._carriageway(n)))
+        """Lanelets that lead out of the map: nothing follows them and those beside them, nor lies ahead of their ends.
+
+        Where none is such, all lanelets that nothing follows.
+        """
+        ends = [number for number in self.ids if not self.after[number]]
+        ends = [n for n in ends if not any(self.after[other] for other in self._carriageway(n))]
+        return frozenset(filter(self._ends.leads_out, ends)) or frozenset(ends)
 
     def onward(self, lanelet: int) -> list[int]:
         """Where a way goes on: successors, or the lanes beside one that ends."""
