@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ _SIZES = {"car": (4.6, 0.3, 1.8, 0.08), "truck": (8.5, 1.5, 2.5, 0.0), "motorcyc
 _FACTORS, _GAPS = (0.6, 1.4), (0.8, 2.0)
 
 
-@dataclass(frozen=True)
-class Driver:
+class Driver(NamedTuple):
     """Who drives a generated vehicle.
 
     Attributes:
@@ -66,10 +65,16 @@ def due_times(settings: TrafficSettings, seed: int, lane: int, rate: float) -> F
     if rate <= 0.0:
         return np.zeros(0)
     most = math.ceil(settings.duration / settings.min_headway) + 1
-    drawn = -np.log1p(-draws.uniform(seed, draws.HEADWAY, lane, np.arange(most)))
     if not settings.profile_steps:
-        due = np.cumsum(settings.min_headway + (3600.0 / rate - settings.min_headway) * drawn)
+        # Seldom more than these.
+        enough = min(most, math.ceil(1.2 * rate * settings.duration / 3600.0) + 20)
+        for n in (enough, most):
+            drawn = -np.log1p(-draws.uniform(seed, draws.HEADWAY, lane, np.arange(n)))
+            due = np.cumsum(settings.min_headway + (3600.0 / rate - settings.min_headway) * drawn)
+            if due[-1] >= settings.duration:
+                break
         return np.asarray(due[due < settings.duration])
+    drawn = -np.log1p(-draws.uniform(seed, draws.HEADWAY, lane, np.arange(most)))
     found, now = [], 0.0
     for number in drawn.tolist():
         while (factor := _factor(settings, now)) == 0.0:
@@ -113,7 +118,7 @@ def vehicles(settings: TrafficSettings, seed: int, lane: int, numbers: Ints) -> 
         kinds=tuple(MIXED[i] for i in place.tolist()),
         length=drawn(draws.LENGTH, sizes[:, 0], sizes[:, 1]),
         width=drawn(draws.WIDTH, sizes[:, 2], sizes[:, 3]),
-        drivers=tuple(map(Driver, planners.tolist(), factors.tolist(), gaps)),
+        drivers=tuple(map(Driver._make, zip(planners.tolist(), factors.tolist(), gaps, strict=True))),
     )
 
 
