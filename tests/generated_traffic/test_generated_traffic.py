@@ -185,6 +185,37 @@ def test_turning_shares_decide_at_forks():
     assert turns[0, 0, 1] == {6}
 
 
+def test_nobody_drives_around_a_ring_twice():
+    # A ring of four lanelets, with a straight road that leads in at its beginning and one that leads out at its end.
+    lanelets = ring(4, 30.0)
+    ids = [*lanelets.ids.tolist(), 11, 12]
+    roads = [np.linspace(begin, begin + 80.0, 20) for begin in (-80.0, 0.0)]
+    left, right = ([np.column_stack([np.full(20, x), y]) for y in roads] for x in (28.25, 31.75))
+    none = np.full(6, -1)
+    after = [*lanelets.successors, (int(ids[0]),), ()]
+    after[3] = (*after[3], 12)
+    made = replace(
+        lanelets,
+        ids=np.array(ids),
+        left=(*lanelets.left, *left),
+        right=(*lanelets.right, *right),
+        successors=tuple(after),
+        predecessors=tuple(tuple(n for n, follows in zip(ids, after, strict=True) if one in follows) for one in ids),
+        adjacent_left=none,
+        adjacent_left_same_direction=none > 0,
+        adjacent_right=none,
+        adjacent_right_same_direction=none > 0,
+        speed_limit=np.full(6, 8.0),
+        types=((),) * 6,
+    )
+    graph = graph_of(world(made, steps=0))
+    first, last = ids[0], ids[3]
+    assert {way for way, _ in graph.ways(last)} == {first, 12}
+    assert graph.leads_back(first, [11, *ids[:4]])
+    assert not graph.leads_back(12, [11, *ids[:4]])
+    assert not graph.leads_back(first, [11])
+
+
 def graph_of(scenario):
     road = core_road(scenario, idr.SimulationSettings().road)
     return LaneGraph(scenario.lanelets, road, MapEnds(scenario, road))

@@ -13,7 +13,16 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 from interdrive.plots.road import road_artists
-from interdrive.plots.style import INK, OUTCOME_MARKS, RECORDED, RECORDED_EDGE, STATIC, TRAFFIC, agent_colors
+from interdrive.plots.style import (
+    INK,
+    OUTCOME_MARKS,
+    RECORDED,
+    RECORDED_EDGE,
+    STATIC,
+    TRAFFIC,
+    agent_colors,
+    others_name,
+)
 from interdrive.plots.trajectories import plan_points
 from interdrive.plots.vehicles import Footprints, goal_outlines
 from interdrive.plots.view import view_of
@@ -195,7 +204,10 @@ class Stage:
         draw.line((0, 0, self.size[0], 0), fill="#cccccc")
         middle, x = _STRIP // 2 + 1, 12
         agents = list(self.colors.values())[:4] or [INK]
-        for colors, text in (([RECORDED], "recorded traffic"), (agents, "agents and their plans")):
+        named = [([RECORDED], others_name(self.run))] if (~self.run.states.is_agent).any() else []
+        if self.run.agents:
+            named.append((agents, "agents and their plans"))
+        for colors, text in named:
             for step in range(24):
                 fill = colors[step * len(colors) // 24]
                 draw.line((x + step, middle - 2, x + step, middle + 2), fill=fill)

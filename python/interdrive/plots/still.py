@@ -29,6 +29,7 @@ from interdrive.plots.style import (
     empty_figure,
     mark_handles,
     mark_style,
+    others_name,
 )
 from interdrive.plots.trajectories import track
 from interdrive.plots.vehicles import Footprints, goal_outlines
@@ -63,14 +64,14 @@ _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error")
 
 
 def draw_run(
-    run: RunRecord, *, width_mm: float = 180.0, others: str = "recorded traffic", view: View | None = None
+    run: RunRecord, *, width_mm: float = 180.0, others: str | None = None, view: View | None = None
 ) -> Figure:
     """A figure of the run: trajectories coloured by time over the road, outcomes as markers.
 
     Args:
         run: Finished or interrupted.
         width_mm: Width of the figure on paper [mm].
-        others: Name in the legend of vehicles that are not agents.
+        others: Name in the legend of vehicles that are not agents; None: recorded traffic, or vehicles of SUMO.
         view: What is shown; None: where the agents move.
 
     Returns:
@@ -78,7 +79,7 @@ def draw_run(
     """
     width = width_mm * MM
     view = (view or view_of(run)).shaped(0.2, _ASPECT_MAX)
-    handles = _legend_handles(run, others)
+    handles = _legend_handles(run, others or others_name(run))
     columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * MM)
     rows = -(-len(handles) // columns)
     strip = _STRIP + _STRIP_ROW * (rows if bar_row else max(2, rows)) + bar_row

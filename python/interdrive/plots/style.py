@@ -93,6 +93,11 @@ def agent_colors(run: RunRecord) -> dict[int, str]:
     return {agent.id: AGENTS[index % len(AGENTS)] for index, agent in enumerate(run.agents)}
 
 
+def others_name(run: RunRecord) -> str:
+    """What participants that are not agents are called."""
+    return "recorded traffic" if run.sumo is None else "vehicles of SUMO"
+
+
 def pair_colors(runs: Sequence[RunRecord], pair: tuple[int, int]) -> tuple[str, str]:
     """Two different colours for two vehicles; agents have those of the run with the most agents."""
     known = agent_colors(max(runs, key=lambda run: len(run.agents)))

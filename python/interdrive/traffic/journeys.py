@@ -145,6 +145,8 @@ class JourneyMaker:
             ways = graph.ways(lanes[-1])
             if not ways:
                 break
+            # Nobody drives around a roundabout twice.
+            ways = [way for way in ways if not graph.leads_back(way[0], lanes)] or ways
             ways = [way for way in ways if graph.sweep(way[0], wish.width, reach) <= _SWEEP] or ways
             place = 0
             if len(ways) > 1:

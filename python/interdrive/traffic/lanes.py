@@ -13,7 +13,7 @@ import numpy as np
 from interdrive.scenario.model import KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from interdrive import _core
     from interdrive.array_types import Floats
@@ -181,6 +181,17 @@ class LaneGraph:
         if lanelet not in self._ways:
             self._ways[lanelet] = self._turns(lanelet)
         return self._ways[lanelet]
+
+    def leads_back(self, lanelet: int, driven: Collection[int]) -> bool:
+        """Whether there is no way from a lanelet but to those that were driven already."""
+        at, seen = lanelet, {lanelet}
+        while at not in driven:
+            ways = self.ways(at)
+            if len(ways) != 1 or ways[0][0] in seen:
+                return False
+            at = ways[0][0]
+            seen.add(at)
+        return True
 
     def _turns(self, lanelet: int) -> list[tuple[int, int]]:
         onward = self.onward(lanelet)
