@@ -63,9 +63,7 @@ _FONT = 7.0
 _WRONG, _WRONG_INK = ("goal_missed", "infeasible", "collision", "planner_error"), "#a03000"
 
 
-def draw_run(
-    run: RunRecord, *, width_mm: float = 180.0, others: str | None = None, view: View | None = None
-) -> Figure:
+def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str | None = None, view: View | None = None) -> Figure:
     """A figure of the run: trajectories coloured by time over the road, outcomes as markers.
 
     Args:
