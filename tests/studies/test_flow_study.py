@@ -179,16 +179,3 @@ def test_strings_of_rollout_are_at_least_as_stable_as_those_of_idm():
     before, after = spread("rollout", 90.0)
     assert after <= 1.1 * before
     assert after <= following
-
-
-def test_nobody_changes_lanes_into_a_vehicle_beside_it_where_a_ring_begins():
-    run = simulate(
-        ring_road(1383.31, 2),
-        agents=0,
-        predictor="lane_following",
-        traffic={"planner": "idm_mobil", "density": 60.0, "duration": 4.0, "mix": (1, 0, 0), "time_gap": None},
-        settings={"record.violations": False, "record.orders": False, "traffic.speed_factor": (1.0, 0.0)},
-        threads=1,
-    )
-    assert len(run.agents) > 160
-    assert set(run.outcomes.outcome) == {"goal_reached"}

@@ -24,9 +24,8 @@ _SPREAD = 0.2
 _GAP = 2.0
 #: Time gap of drivers that keep that of their planner [s], for their first speed.
 _TIME_GAP = 1.2
-#: On a ring a way begins with the lanelet behind for vehicles so near to the start of theirs [m]: their rear is there,
-#: and after a lap the lanes of planners that change lanes go on straight, across what is near.
-_SEAM = 60.0
+#: On a ring a way begins with the lanelet behind for vehicles so near to the start of theirs [m]: their rear is there.
+_SEAM = 6.0
 #: Nobody begins so near to the end of the map [m], ...
 _END = 20.0
 #: ... or to a vehicle that is there already [m].
