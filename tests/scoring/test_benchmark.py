@@ -136,7 +136,11 @@ def test_a_population_of_drivers_is_a_row_of_its_own_and_the_same_each_time(tmp_
     scores = []
     for name in ("first", "second"):
         found = idr.benchmark(
-            ["idm", "idm,drivers=calm"], predictor="constant_velocity", out=tmp_path / name, workers=1
+            ["idm", "idm,drivers=calm"],
+            predictor="constant_velocity",
+            panel="none",
+            out=tmp_path / name,
+            workers=1,
         )
         stored = json.loads((tmp_path / name / "benchmark.json").read_text())
         assert [row["planner"] for row in stored["rows"]] == ["idm", "idm,drivers=calm"]

@@ -224,7 +224,7 @@ def test_a_batch_is_judged_by_planner_and_one_broken_run_is_left_out(tmp_path):
     assert text.count("collisions 1 0") == 1
 
 
-@pytest.mark.parametrize("number", [40, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("number", [40, pytest.param(400, marks=pytest.mark.long)])
 def test_the_careful_driver_has_no_collision_that_it_would_have_avoided(number):
     draw = np.random.default_rng(3)
     collisions = 0
