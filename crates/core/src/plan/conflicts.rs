@@ -22,6 +22,9 @@ use path_interval::{
 
 /// Modes with at least this probability count, and the most probable one.
 pub(super) const MODE_PROBABILITY: f64 = 0.2;
+/// Others are expected to join the path in their most probable mode, and in modes that are as likely as not: otherwise
+/// drivers fall behind vehicles beside them that never come.
+const JOINING_PROBABILITY: f64 = 0.5;
 /// Between two looks that are nearer in time than this [s], leaders move evenly.
 const INTERPOLATED: f64 = 0.5;
 /// The vehicle goes first if it has left the stretch by this distance [m] when the other comes.
@@ -52,6 +55,8 @@ struct PathOccupancy {
     mode: usize,
     /// Deceleration of a participant that leads now [m/s²], not negative.
     braking: f64,
+    /// It is expected to join: see `JOINING_PROBABILITY`.
+    likely: bool,
     counts: bool,
 }
 
@@ -127,7 +132,7 @@ impl Conflicts {
         };
         let row = self.intervals.len();
         self.intervals.resize(row + self.n_points, PathInterval { velocity: 0.0, along: true, ..interval });
-        self.push_occupancies(ego, row, (index, other), 0);
+        self.push_occupancies(ego, row, (index, other), (0, true));
     }
 
     fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
@@ -155,7 +160,8 @@ impl Conflicts {
             self.put(row + last, &end);
             self.fill(&predicted, row, (0, now), (last, end));
             if self.intervals[row..].iter().any(|interval| interval.inside) {
-                self.push_occupancies(ego, row, (index, other), mode);
+                let likely = *probability >= JOINING_PROBABILITY || *probability >= largest;
+                self.push_occupancies(ego, row, (index, other), (mode, likely));
             } else {
                 self.intervals.truncate(row);
             }
@@ -195,7 +201,13 @@ impl Conflicts {
     }
 
     /// Splits the intervals from `row` on into occupancies.
-    fn push_occupancies(&mut self, ego: &Ego, row: usize, (index, other): (usize, &Other), mode: usize) {
+    fn push_occupancies(
+        &mut self,
+        ego: &Ego,
+        row: usize,
+        (index, other): (usize, &Other),
+        (mode, likely): (usize, bool),
+    ) {
         let intervals = &self.intervals[row..row + self.n_points];
         let mut at = 0;
         while at < intervals.len() {
@@ -227,6 +239,7 @@ impl Conflicts {
                 other: index,
                 mode,
                 braking: other.braking,
+                likely,
                 counts: first == 0,
             });
         }
@@ -238,7 +251,7 @@ impl Conflicts {
             if occupancy.first > 0 {
                 let intervals = &self.intervals[occupancy.row..occupancy.row + self.n_points];
                 occupancy.counts = if occupancy.along {
-                    is_joined_ahead(ego, occupancy, intervals, free, self.dt)
+                    occupancy.likely && is_joined_ahead(ego, occupancy, intervals, free, self.dt)
                 } else {
                     (deference.brakes_for_standing || !goes_before_standing(request, ego, occupancy))
                         && must_wait(request, ego, occupancy, intervals, free, self.dt)
@@ -455,6 +468,46 @@ fn has_priority(request: &PlanRequest, ego: &Ego, occupancy: &PathOccupancy) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plan::car_following::integrate;
+    use crate::plan::frenet::tests::{Car, Drive};
+    use crate::plan::prediction_index::PredictionIndex;
+    use crate::trajectory::Predictions;
+
+    /// What a vehicle with 20 m/s may accelerate at most now [m/s²] beside a vehicle with 12 m/s, 12 m ahead in the next
+    /// lane, that joins its lane in 2 s with a probability and stays where it is otherwise.
+    fn allowed_beside(probability: f64) -> f64 {
+        let beside = Car::at(42.0, 3.5, 0.0, 12.0);
+        let drive = Drive::on_three_lanes(30.0, 20.0).with_cars(vec![beside]);
+        drive.with_request(|request| {
+            let known = request.predictions;
+            let mut two = Predictions::empty(known.time_step, known.ids.clone(), 2, known.n_steps);
+            (two.probability[0], two.probability[1]) = (1.0 - probability, probability);
+            for mode in 0..2 {
+                for k in 0..known.n_steps {
+                    let to = two.offset(0, mode) + k;
+                    let joined = mode as f64 * (0.05 * (k + 1) as f64).min(1.0);
+                    (two.x[to], two.y[to], two.valid[to]) = (known.x[k], known.y[k] - 3.5 * joined, true);
+                    (two.orientation[to], two.velocity[to]) = (known.orientation[k], known.velocity[k]);
+                }
+            }
+            let prediction_index = PredictionIndex::of(&two, &drive.positions());
+            let request = &PlanRequest { predictions: &two, prediction_index: &prediction_index, ..*request };
+            let ego = Ego::new(request, &request.route.path, (30.0, 20.0, 0.0), 2.5);
+            let (mut conflicts, mut free) = (Conflicts::default(), Vec::new());
+            let n_points = two.n_steps + 1;
+            conflicts.collect(request, &ego, n_points, Barriers::NONE);
+            integrate((30.0, 20.0), n_points, request.dt, &mut free, |_, _, _| 0.0);
+            conflicts.decide(request, &ego, Deference::full(2.0), &free);
+            let follow = |room: f64, leader: f64, _: f64| (leader - 20.0) / room;
+            conflicts.allowed(0, &ego, (30.0, 20.0), Deference::full(2.0), follow)
+        })
+    }
+
+    #[test]
+    fn a_vehicle_falls_behind_who_joins_ahead_of_it_where_that_is_as_likely_as_not() {
+        assert_eq!(allowed_beside(0.4), f64::INFINITY);
+        assert!(allowed_beside(0.6) < -0.5, "{} m/s²", allowed_beside(0.6));
+    }
 
     #[test]
     fn waiting_takes_no_more_braking_than_is_necessary() {

@@ -165,7 +165,7 @@ impl Drive {
     }
 
     /// Where the cars are.
-    fn positions(&self) -> Vec<Point> {
+    pub(in crate::plan) fn positions(&self) -> Vec<Point> {
         self.cars.iter().map(|car| car.pose.position).collect()
     }
 
