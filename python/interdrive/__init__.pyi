@@ -72,7 +72,7 @@ from interdrive.predictors.walenet import Walenet as Walenet
 from interdrive.results import save as save
 from interdrive.runs import Run as Run, RunInterrupted as RunInterrupted, load as load
 from interdrive.scenario import Scenario as Scenario
-from interdrive.scenario.agents import AgentSettings as AgentSettings, GoalSettings as GoalSettings
+from interdrive.scenario.agent_settings import AgentSettings as AgentSettings, GoalSettings as GoalSettings
 from interdrive.scoring import Score as Score, ScoringSettings as ScoringSettings
 from interdrive.simulation import Simulation as Simulation, simulate as simulate
 from interdrive.studies import CaseStudy as CaseStudy, case_study as case_study

@@ -15,7 +15,7 @@ from interdrive.native_settings import CoreStepSettings, RoadSettings, RulesSett
 from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario import SourceOptions
-from interdrive.scenario.agents import AgentSettings, GoalSettings
+from interdrive.scenario.agent_settings import AgentSettings, GoalSettings
 from interdrive.scenario.limits import MOST_STEPS
 from interdrive.sumo.settings import SumoSettings
 from interdrive.traffic.settings import TrafficSettings

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.scenario.agents import AgentSettings, GoalSettings, select
+from interdrive.scenario.agent_settings import AgentSettings, GoalSettings
+from interdrive.scenario.agents import select
 from interdrive.scenario.limits import LARGEST_GOAL_TIME_STEP
 from interdrive.scenario.model import GoalState, InitialState, PlanningProblem
 from interdrive.scenario.native import core_road
