@@ -161,3 +161,24 @@ def test_listings_show_units_from_types_and_what_the_docstrings_say():
     assert found["planner.frenet.speed_max"] == ("m/s", "Never faster.")
     assert found["planner.frenet.effort"] == ("", "How hard.")
     assert found["agents.count"] == ("", "")
+
+
+def test_a_name_within_a_sentence_does_not_begin_its_meaning():
+    @dataclass
+    class Driver:
+        """A driver.
+
+        Attributes:
+            noise: A random part of the acceleration: how much it wavers. speed: Never faster.
+            acceleration: how it starts.
+        """
+
+        noise: float = 0.0
+        speed: float = 1.0
+        acceleration: float = 2.0
+
+    assert [text for *_, text in described(Driver())] == [
+        "A random part of the acceleration: how much it wavers.",
+        "Never faster.",
+        "how it starts.",
+    ]

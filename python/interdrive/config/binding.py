@@ -330,10 +330,14 @@ def _expectation(hint: object) -> str:
 
 
 def _documentation(owner: type, field: str) -> str:
-    """The text after "field:" in the docstring of the class or of one of its base classes; "" if none."""
+    """The text after "field:" in the docstring of the class or of one of its base classes; "" if none.
+
+    A field begins a line, or a sentence with a capital letter: in "part of the acceleration: how much" there is none.
+    """
+    begin = rf"(?:(?:\A|\n)\s*{field}: |(?<=[.\s]){field}: (?=[A-Z\[]))"
     end = r"\n\s*\w+: |\s\w+: [A-Z\[]|\n\s*\n|\Z"
     for kind in owner.__mro__:
-        found = re.search(rf"(?:^|(?<=[.\s])){field}: (.*?)(?={end})", _written(kind), re.DOTALL)
+        found = re.search(rf"{begin}(.*?)(?={end})", _written(kind), re.DOTALL)
         if found:
             return " ".join(found.group(1).split())
     return ""
