@@ -374,6 +374,34 @@ def test_what_cannot_have_come_about_is_not_driven():
     assert why(100.0) == "102 has no way left"
 
 
+def test_a_car_three_metres_ahead_of_who_drives_15_metres_per_second_is_not_plausible():
+    cars = [Car(AGENT, 20.0, velocity=15.0), Car(LEADER, 80.0, velocity=8.0)]
+    original = world(straight_road(400.0), cars=cars, steps=80)
+    length = original.obstacles.shapes[1].length
+    back = (60.0 - length - 3.0) / 8.0
+    changed = disturbed(original, Disturbance({LEADER: -back}, {LEADER: 1.0}, None, None))
+    assert changed.obstacles.x[1, 0] - changed.obstacles.x[0, 0] == pytest.approx(length + 3.0), "m"
+    assert implausible(original, changed, {LEADER}) == "102 or 101 has to brake with 8.2 m/s² at the start"
+    alone = world(straight_road(400.0), cars=[cars[0], replace(cars[1], x=20.0 + length + 3.0)], steps=80)
+    assert implausible(alone, alone, {LEADER}) == "", "as recorded"
+
+
+@pytest.mark.parametrize(("more", "failure"), [(-0.5, ""), (0.5, "ran_into")])
+def test_who_is_cut_off_is_at_fault_only_if_it_had_the_room_to_brake(more, failure):
+    # 6 m/s faster, it reacts within 0.25 s and brakes with 6 m/s².
+    room, step, length = 6.0 * 0.25 + 6.0**2 / (2.0 * 6.0), 10, scenario().obstacles.shapes[0].length
+    ahead = 20.0 + 1.2 * step + length + room + more
+    cars = [Car(AGENT, 20.0, velocity=12.0), Car(LEADER, ahead - 0.6 * step, 3.5, velocity=6.0)]
+    made = world(straight_road(400.0, lanes=2), cars=cars, steps=80)
+    y = made.obstacles.y.copy()
+    y[1, step:] = 1.0
+    made = replace(made, obstacles=replace(made.obstacles, y=y))
+    run = idr.simulate(made, agents=[AGENT], planner=drivers.Straight, predictor="constant_velocity", threads=1)
+    found = judged(run, AGENT)
+    assert (found.outcome, found.partner_id, found.failure) == ("collision", LEADER, failure)
+    assert f"{room + more:.1f} m left, {room:.1f} m needed" in found.words
+
+
 def test_a_vehicle_that_crosses_too_closely_to_be_avoided_by_either_is_not_plausible():
     def crossing(gap):
         cars = [Car(AGENT, 100.0, velocity=12.0), Car(LEADER, 100.0 + gap, -gap, 12.0, np.pi / 2.0)]
