@@ -20,7 +20,7 @@ from interdrive.config.schema import SimulationSettings, StepSettings
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario import Shape, limits
 from interdrive.scenario.native import core_road, core_scenario
-from interdrive.testing import straight_road, world
+from interdrive.testing import Car, straight_road, world
 
 pytestmark = pytest.mark.long
 
@@ -181,6 +181,28 @@ def test_a_lanelet_of_too_many_points_is_refused(read):
     x = np.linspace(0.0, 100.0, limits.MOST_POINTS_OF_A_LANELET + 1).tolist()
     road = lanelet(3, left=[(at, 2) for at in x], right=[(at, -2) for at in x])
     assert refusal(read, document(lanelets=road)).startswith("lanelet 3 has 5001 points on a bound; at most 5000")
+
+
+def test_lanelets_are_looked_at_once_but_refused_each_time(monkeypatch):
+    kept = world(straight_road())
+    limits.require_scenario(kept, "kept")
+    monkeypatch.setattr(limits, "LONGEST_ROADS", 100.0)
+    limits.require_scenario(replace(kept), "kept")
+    refused = world(straight_road())
+    for _ in range(2):
+        with pytest.raises(InputError, match="the map has lanelets of 200 m together; at most 100 m"):
+            limits.require_scenario(refused, "refused")
+
+
+@pytest.mark.parametrize(("field", "worst"), [("x", np.inf), ("velocity", 20000.0), ("yaw_rate", -20000.0)])
+def test_states_beyond_the_bounds_are_refused_by_name(field, worst):
+    made = world(straight_road(), cars=[Car(7, 10.0, velocity=1.0)])
+    table = getattr(made.obstacles, field).copy()
+    table[0, 3] = worst
+    broken = replace(made, obstacles=replace(made.obstacles, **{field: table}))
+    name = {"x": "coordinate", "yaw_rate": "yaw rate"}.get(field, field)
+    with pytest.raises(InputError, match=f"bad: obstacle 7 has the {name} {worst:g}"):
+        limits.require_scenario(broken, "bad")
 
 
 def test_the_longer_bounds_count_towards_the_length_of_all_lanelets(monkeypatch):

@@ -127,13 +127,17 @@ def run_config(settings: SimulationSettings, planner: PlannersSpec) -> RunConfig
     own: dict[object, AgentChoice] = {}
     if is_per_agent(planner):
         default = read_planner(planner.get(DEFAULT, DEFAULT_PLANNER), settings.planner)
+        same: dict[str, AgentChoice] = {}  # most agents have what others have
         for agent, spec in planner.items():
             if agent == DEFAULT:
                 continue
+            known = same.get(spec) if isinstance(spec, str) else None
             try:
-                own[agent] = read_planner(spec, settings.planner, default)
+                own[agent] = known or read_planner(spec, settings.planner, default)
             except InputError as error:
                 raise error.within(f"agent {agent}") from error
+            if isinstance(spec, str):
+                same[spec] = own[agent]
     else:
         default = read_planner(cast("PlannerSpec", planner), settings.planner)
         if default.v2x is not None:

@@ -251,6 +251,8 @@ def _converted(value: object, hint: object) -> object:
     Raises:
         _MismatchError: if it cannot be converted to that type.
     """
+    if type(hint) is type and hint in _WORDS:  # most are
+        return _scalar(value, hint)
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (Union, types.UnionType):
         return _first(value, sorted(arguments, key=lambda kind: kind is str))
@@ -267,6 +269,8 @@ def _converted(value: object, hint: object) -> object:
 
 
 def _scalar(value: object, kind: object) -> object:
+    if type(value) is kind and kind is not float:
+        return value
     if kind is type(None) and str(value).strip().lower() == "none":
         return None
     if kind is bool and str(value).strip().lower() in ("true", "false"):

@@ -10,6 +10,7 @@ beyond real maps and recordings, whose lanelets are up to 10 km long and whose r
 from __future__ import annotations
 
 import itertools
+import weakref
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +58,14 @@ _UNITS = {
     **{"coordinate": "m", "size": "m", "orientation": "rad"},
     **{"velocity": "m/s", "acceleration": "m/s²", "yaw rate": "rad/s"},
 }
+#: What each column of a state is called, and its largest value.
+_LARGEST_OF_STATES = (
+    *[("coordinate", LARGEST_COORDINATE)] * 2,
+    ("orientation", LARGEST_ANGLE),
+    ("velocity", LARGEST_VELOCITY),
+    ("acceleration", LARGEST_ACCELERATION),
+    ("yaw rate", LARGEST_YAW_RATE),
+)
 #: Vertices of a footprint and of an area; lanelets are areas, too.
 MOST_VERTICES_OF_A_FOOTPRINT, MOST_VERTICES = 1_000, 2 * MOST_POINTS_OF_A_LANELET
 #: Obstacles times steps of a table; more is a mistyped time step, not a recording.
@@ -127,7 +136,19 @@ def require_scenario(scenario: Scenario, file: str) -> None:
         _require_problem(problem, file)
 
 
+#: By the identity of lanelets that are in use and within the bounds: a reference to them.
+_WITHIN: dict[int, weakref.ref[Lanelets]] = {}
+
+
 def _require_lanelets(lanelets: Lanelets, file: str) -> None:
+    """Refuses lanelets out of bounds; those of many runs are looked at once, since they cannot change."""
+    number = id(lanelets)
+    if number not in _WITHIN:
+        _require_each_lanelet(lanelets, file)
+        _WITHIN[number] = weakref.ref(lanelets, lambda _: _WITHIN.pop(number, None))
+
+
+def _require_each_lanelet(lanelets: Lanelets, file: str) -> None:
     n = len(lanelets.ids)
     require_roads(n, file)
     require_count(n, MOST_LANELETS, LANELETS, "the map", file)
@@ -193,15 +214,12 @@ def _require_obstacles(obstacles: Obstacles, file: str) -> None:
 
 def require_states(values: Floats, what: str, file: str) -> None:
     """Refuses states out of bounds: columns as in `STATE_FIELDS`, nan where not stated, shape (states, 6)."""
-    for name, column, most in (
-        ("coordinate", values[:, :2], LARGEST_COORDINATE),
-        ("orientation", values[:, 2], LARGEST_ANGLE),
-        ("velocity", values[:, 3], LARGEST_VELOCITY),
-        ("acceleration", values[:, 4], LARGEST_ACCELERATION),
-        ("yaw rate", values[:, 5], LARGEST_YAW_RATE),
-    ):
-        stated = column if name == "coordinate" else column[~np.isnan(column)]
-        require_values(stated, most, what, file, name)
+    fits = np.abs(values) <= [most for _, most in _LARGEST_OF_STATES]
+    fits[:, 2:] |= np.isnan(values[:, 2:])
+    if not fits.all():
+        column = int(np.flatnonzero(~fits.all(axis=0))[0])
+        name, most = _LARGEST_OF_STATES[column]
+        require_values(values[~fits[:, column], column], most, what, file, name)
     travelled = float(np.hypot(*np.diff(values[:, :2], axis=0).T).sum())
     problem = f"travels {travelled:.0f} m; at most {LONGEST_RECORDING:.0f} are possible, correct its positions"
     require(travelled <= LONGEST_RECORDING, file, what, problem)
