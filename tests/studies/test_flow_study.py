@@ -179,3 +179,17 @@ def test_strings_of_rollout_are_at_least_as_stable_as_those_of_idm():
     before, after = spread("rollout", 90.0)
     assert after <= 1.1 * before
     assert after <= following
+
+
+@pytest.mark.parametrize(("length", "density", "seconds"), [(1383.31, 60.0, 4.0), (1000.0, 80.0, 8.0)])
+def test_who_begins_near_the_start_of_its_lanelet_stays_in_lanes_that_go_around_the_ring(length, density, seconds):
+    run = simulate(
+        ring_road(length, 2),
+        agents=0,
+        predictor="lane_following",
+        traffic={"planner": "idm_mobil", "density": density, "duration": seconds, "mix": (1, 0, 0), "time_gap": None},
+        settings={"record.violations": False, "record.orders": False, "traffic.speed_factor": (1.0, 0.0)},
+        threads=1,
+    )
+    assert len(run.agents) > 150
+    assert set(run.outcomes.outcome) == {"goal_reached"}

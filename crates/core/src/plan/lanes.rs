@@ -53,6 +53,8 @@ pub struct Lane {
     /// What the rules of the road say about it.
     pub(super) way: Way,
     pieces: Vec<Piece>,
+    /// Its last lanelet leads to its first one.
+    is_ring: bool,
 }
 
 /// A lanelet of a lane.
@@ -318,7 +320,16 @@ impl Lane {
             pieces[i].lane_end = last;
         }
         let whole = PathPiece::chain(&path, &chain, road);
-        Ok(Self { way: Way::without_crosswalks(&path, &whole, scenario, rules), path, pieces })
+        let is_ring = lanelets[last].successors.contains(&chain[0]);
+        Ok(Self { way: Way::without_crosswalks(&path, &whole, scenario, rules), path, pieces, is_ring })
+    }
+
+    /// Arc length and offset of the nearest foot of a point [m]. What goes on straight behind a ring lies across its
+    /// beginning, and is no lane there.
+    fn project(&self, point: Point) -> Option<(f64, f64)> {
+        let half = 0.5 * self.pieces[self.pieces.len() - 1].end;
+        let on_ring = self.is_ring.then(|| self.path.project_near(point, half, half)).flatten();
+        on_ring.or_else(|| self.path.project(point))
     }
 
     fn piece_at(&self, s: f64) -> &Piece {
@@ -364,7 +375,7 @@ impl Lanes {
                 if !other.pieces.iter().any(|piece| piece.lanelet == beside) {
                     return None;
                 }
-                let (foot, _) = other.path.project(here)?;
+                let (foot, _) = other.project(here)?;
                 (index != lane && other.holds(beside, foot)).then_some((index, foot))
             })
         })
@@ -376,7 +387,7 @@ impl Lanes {
         let here = rear_axle(request.state.pose());
         let last = request.previous.and_then(|plan| plan.points.last()).filter(|point| point.is_finite());
         let towards = last.and_then(|last| self.nearest(rear_axle(last.pose()), AIM_DISTANCE)).map(|(lane, ..)| lane);
-        let on = |lane: usize| self.lanes[lane].path.project(here.position).map(|(s, d)| Aim { lane, s, d });
+        let on = |lane: usize| self.lanes[lane].project(here.position).map(|(s, d)| Aim { lane, s, d });
         towards.and_then(on).or_else(|| self.nearest(here, ahead).map(|(lane, s, d)| Aim { lane, s, d }))
     }
 
@@ -390,7 +401,7 @@ impl Lanes {
         let tip = pose.position + Point::from_angle(pose.orientation) * ahead;
         let mut best: Option<(usize, f64, f64, f64)> = None;
         for (index, lane) in self.lanes.iter().enumerate() {
-            let Some((s, d)) = lane.path.project(pose.position) else { continue };
+            let Some((s, d)) = lane.project(pose.position) else { continue };
             let Some((_, d_ahead)) = lane.path.project_near(tip, s + ahead, 10.0) else { continue };
             if Point::from_angle(pose.orientation).dot(lane.path.at(s).tangent()) < 0.5 {
                 continue;
