@@ -65,15 +65,17 @@ class EntryRoutes:
 
     def along(self, lanes: tuple[int, ...], user: int) -> _core.Route:
         """The route along lanelets from the edge of the map on, for a kind of vehicle (a position in `KINDS`)."""
-        if (lanes, user) not in self._known:
-            if len(self._known) == _ROUTES_MAX:
-                self._known.clear()
-            graph = self._graph
-            speed = max(graph.limit(lane) for lane in lanes)
-            goal = native_goal((arrival(_leaving(graph, self._ends, lanes[-1], _CAR, speed), 0, 2),), speed)
-            place = graph.place(lanes[0], _ENTRY)
-            self._known[lanes, user] = _core.Route.through(self._road, *place, speed, list(lanes), goal, user)
-        return self._known[lanes, user]
+        known = self._known.get((lanes, user))
+        if known is not None:
+            return known
+        if len(self._known) >= _ROUTES_MAX:
+            self._known.clear()
+        graph = self._graph
+        speed = max(graph.limit(lane) for lane in lanes)
+        goal = native_goal((arrival(_leaving(graph, self._ends, lanes[-1], _CAR, speed), 0, 2),), speed)
+        route = _core.Route.through(self._road, *graph.place(lanes[0], _ENTRY), speed, list(lanes), goal, user)
+        self._known[lanes, user] = route
+        return route
 
 
 class JourneyMaker:
