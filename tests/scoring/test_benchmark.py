@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import interdrive as idr
+from interdrive.batches.store import BatchFolder
 from interdrive.benchmarks import read_set, run, set_names
 from interdrive.benchmarks.sets import find_files
 from interdrive.cli import main
@@ -122,6 +123,8 @@ def test_a_planner_of_your_own_that_crawls_ranks_below_one_that_drives(tmp_path,
     found = idr.benchmark(
         "mine.py:Crawl,mine.py:Steady,lawful", predictor="constant_velocity", out=tmp_path / "out", workers=1
     )
+    rows = BatchFolder.open(tmp_path / "out").table(["agent_id", "under_test"]).to_pylist()
+    assert {row["agent_id"] for row in rows if row["under_test"]} == {1002, 1006}, "the set has no others of the file"
     crawl, steady, lawful = (row.score for row in found.table if row.category == "all")
     assert crawl < 60.0 < min(steady, lawful)
     paper = (tmp_path / "out" / "paper.md").read_text(encoding="utf-8").splitlines()

@@ -22,7 +22,7 @@ from interdrive.panel import NONE, PanelFolder, chosen_panel
 from interdrive.storage import keep_inputs, resolved
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from interdrive.batches.plan import BatchPlan, RunSpec
@@ -104,6 +104,7 @@ def batch(
     agents: str | int = "all",
     traffic: str | None = None,
     alone: bool = False,
+    listed: Mapping[str, Collection[int]] | None = None,
     seeds: int = 1,
     settings: SettingsSpec | None = None,
     workers: int | None = None,
@@ -130,6 +131,7 @@ def batch(
             default), a native planner such as "velocity_adjusting" or "idm", or "same" (the planner under test). With
             all agents no vehicles are left and it is "same".
         alone: Simulate each agent under test in a run of its own, in which all others are traffic.
+        listed: With `alone`: of each file, by the SHA-256 of its content, only these agents; None: all.
         seeds: Number of seeds, which choose agents: 0 to `seeds - 1`.
         settings: Settings, or a mapping of dotted names.
         workers: Number of processes; None: the number of cores. With Ray, the number of concurrent tasks; None: its
@@ -180,7 +182,7 @@ def batch(
         backend = Cluster(ray, workers, timeout_s=run_timeout, memory=memory)
     with closing(backend), closing(BatchFolder.create(out)) as folder:
         if alone:
-            plan = replace(plan, specs=_expanded(plan, folder, backend, send=ray is not None))
+            plan = replace(plan, specs=_expanded(plan, folder, backend, listed, send=ray is not None))
         specs = {spec.key: spec for spec in plan.specs}
         if drivers and stored is None and ray is None:
             stored = PanelFolder.create(folder.path / _PANEL, drivers)
@@ -226,8 +228,15 @@ def _is_missing(known: Done | None, keep: str, *, retry: bool) -> bool:
     return not known.kept and (keep == "all" or (keep == "failed" and not known.arrived))
 
 
-def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: bool) -> tuple[RunSpec, ...]:
-    """A run per agent. The agents are the same for all planners; workers find them."""
+def _expanded(
+    plan: BatchPlan,
+    folder: BatchFolder,
+    backend: Backend,
+    listed: Mapping[str, Collection[int]] | None,
+    *,
+    send: bool,
+) -> tuple[RunSpec, ...]:
+    """A run per agent, of those `listed` alone. The agents are the same for all planners; workers find them."""
     asked: dict[tuple[str, str, int], list[RunSpec]] = {}
     for spec in plan.specs:
         asked.setdefault((spec.sha256 + spec.parts_sha256, spec.agents_label, spec.seed), []).append(spec)
@@ -255,7 +264,8 @@ def _expanded(plan: BatchPlan, folder: BatchFolder, backend: Backend, *, send: b
             if unspecified.key in known and folder.claim(unspecified.key):
                 folder.store(unspecified.key, no_rows())
                 folder.release(unspecified.key)
-            found += [spec.of_agents([number]) for number in answer]
+            own = answer if listed is None else [number for number in answer if number in listed.get(spec.sha256, ())]
+            found += [spec.of_agents([number]) for number in own]
     return tuple(found)
 
 

@@ -150,6 +150,7 @@ def benchmark(
     if not there:
         raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
     paths = [found[file.sha256] for file in there]
+    listed = {file.sha256: file.agents for file in there}
     labels = list(choices(planner, "planner"))
     keys: list[str] = []
     for traffic in driven:
@@ -157,8 +158,9 @@ def benchmark(
         if not among:
             continue
         done = batch(
-            paths, Path(out), planner=among, predictor=predictor, traffic=traffic, alone=True, panel=panel,
-            workers=workers, ray=ray, on_progress=on_progress, settings={"recording.raw": True} if raw else None,
+            paths, Path(out), planner=among, predictor=predictor, traffic=traffic, alone=True, listed=listed,
+            panel=panel, workers=workers, ray=ray, on_progress=on_progress,
+            settings={"recording.raw": True} if raw else None,
         )  # fmt: skip
         keys += done.keys
     rows = rows_of(BatchFolder.open(out).table(None, {*keys}))
