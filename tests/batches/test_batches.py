@@ -203,6 +203,12 @@ def test_alone_every_agent_has_a_run_of_its_own(tmp_path):
     assert next(row["digest"] for row in rows if row["agent_id"] == all_ids[0]) == one.digest
 
 
+def test_agents_are_listed_for_runs_of_single_agents_only(tmp_path):
+    with pytest.raises(idr.InputError, match="listed: agents are listed for runs of single agents; add alone"):
+        idr.batch("lane_merge", tmp_path, planner=FAST, listed={}, workers=1)
+    assert not list(tmp_path.iterdir())
+
+
 def test_alone_an_agent_that_several_seeds_chose_is_driven_once(tmp_path):
     done = idr.batch("lane_merge", tmp_path, planner=FAST, agents=6, alone=True, seeds=3, workers=2)
     rows = done.table.to_pylist()

@@ -158,6 +158,8 @@ def batch(
         raise SystemExit(1)  # a worker reads a script that calls this without a guard; the pool says so
     start = time.monotonic()
     _check(workers, run_timeout, memory, keep)
+    if listed is not None and not alone:
+        raise InputError("listed: agents are listed for runs of single agents; add alone")
     paths = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     drivers, stored = chosen_panel(panel)
     plan = planned(
