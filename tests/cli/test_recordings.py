@@ -71,6 +71,26 @@ def test_join_leaves_headings_alone_if_asked_and_prints_nothing(windows, tmp_pat
     assert headings(tmp_path / "whole.xml", raw=True) == pytest.approx(-2.0)
 
 
+def test_join_writes_the_part_of_the_whole_that_is_asked_for(windows, tmp_path):
+    done = invoke("join", *windows, "--out", "part.xml", "--first", 50, "--last", 69)
+    assert done.exit_code == 0, done.output
+    said = " ".join(done.output.split())
+    assert "time steps 50 to 69 of the whole, which has 0 to 119: they are 0 to 19 here" in said
+    assert "road_50_T-69: 3 participants" in said
+    found = read_scenario(tmp_path / "part.xml")
+    assert found.obstacles.n_steps == 20
+    assert found.obstacles.x[0, [0, -1]] == pytest.approx([5.0 + 1.05 * 50, 5.0 + 1.05 * 69])
+
+
+@pytest.mark.parametrize("part", [("--first", 119), ("--last", 120), ("--last", 0), ("--first", 60, "--last", 50)])
+def test_join_refuses_a_part_that_the_whole_does_not_have(windows, tmp_path, part):
+    done = invoke("join", *windows, "--out", "part.xml", *part)
+    assert done.exit_code == 2
+    assert done.output.startswith("error: join: no part from time step")
+    assert done.output.endswith("the whole has 0 to 119\n")
+    assert not (tmp_path / "part.xml").exists()
+
+
 @pytest.mark.parametrize(
     ("out", "words"),
     [

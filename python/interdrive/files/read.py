@@ -27,7 +27,7 @@ from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
 from interdrive.files.sources import SourceFile, recognised, scenario_of
 from interdrive.files.sumo_folder import is_sumo_folder, read_sumo_folder
-from interdrive.recordings import joined, repaired
+from interdrive.recordings import joined, part_of, repaired
 from interdrive.scenario import OptionValue, Scenario, SourceOptions
 from interdrive.scenario.limits import require_scenario
 
@@ -319,7 +319,9 @@ def open_scenario(spec: ScenarioSpec, *, raw: bool = False, source: SourceOption
     return scenario_from_commonroad(spec, raw=raw)
 
 
-def join(paths: Sequence[str | os.PathLike[str]], *, raw: bool = False) -> Scenario:
+def join(
+    paths: Sequence[str | os.PathLike[str]], *, raw: bool = False, first: int | None = None, last: int | None = None
+) -> Scenario:
     """Joins consecutive recordings, such as windows of one long recording.
 
     Participants with the same id, kind and size continue in the next recording. Planning problems are left out. See
@@ -328,13 +330,28 @@ def join(paths: Sequence[str | os.PathLike[str]], *, raw: bool = False) -> Scena
     Args:
         paths: At least two CommonRoad files, in any order.
         raw: Read recordings without repairs.
+        first: First time step of the part that is wanted; None: that of the whole.
+        last: Last time step of that part; None: that of the whole.
 
     Returns:
-        The scenario, without path; its time steps follow the names of the files, or begin at 0.
+        The scenario, without path; its time steps follow the names of the files, or begin at 0. Those of a part begin
+        at 0; it has the participants that are there in its time.
 
     Raises:
-        InputError: A file cannot be read, or the recordings do not belong together; one line that says why.
+        InputError: A file cannot be read, the recordings do not belong together, or the whole has no such part; one
+            line that says why.
     """
     if isinstance(paths, str | os.PathLike):
         raise InputError("join: give a list of files")
-    return joined([read_scenario(path, raw=True) for path in paths], raw=raw)
+    whole = joined([read_scenario(path, raw=True) for path in paths], raw=raw)
+    if first is None and last is None:
+        return whole
+    known = whole.obstacles.valid.any(axis=0).nonzero()[0]
+    begins, ends = int(known.min(initial=whole.obstacles.n_steps)), int(known.max(initial=0))
+    start, end = begins if first is None else first, ends if last is None else last
+    if not begins <= start < end <= ends:
+        raise InputError(f"join: no part from time step {start} to {end}; the whole has {begins} to {ends}")
+    part = part_of(whole, start, end + 1)
+    name = whole.name.removesuffix(f"_{whole.name.split('_')[-2]}_T-{ends}") + f"_{start}_T-{end}"
+    said = f"time steps {start} to {end} of the whole, which has {begins} to {ends}: they are 0 to {end - start} here"
+    return dataclasses.replace(part, name=name, benchmark_id=name, notes=(*whole.notes, said))
