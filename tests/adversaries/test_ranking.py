@@ -115,7 +115,7 @@ def test_who_passes_on_red_gets_nothing_where_honest_drivers_wait(monkeypatch):
     monkeypatch.setattr("interdrive.adversaries.trial.ADVERSARIES", tuple(BY_NAME[name] for name in names))
     found = drives_at(Place(shipped_scenario("signals"), "signals", "signals", 1014))
     assert not isinstance(found, str), found
-    at_light = {row.driver: row for row in found}
+    at_light = {row.driver: row for row in found.drives}
     for name in names:
         assert at_light[name].acts, name
         assert at_light[name].score == 0.0, at_light[name].why

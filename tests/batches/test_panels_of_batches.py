@@ -60,8 +60,9 @@ def test_scores_are_those_of_the_run_itself(batch, file):
 
 def test_a_stored_panel_is_only_read(batch, file, tmp_path):
     again = tmp_path / "again"
-    idr.batch([file], again, planner="idm", panel=batch / "panel", **OPTIONS)
+    done = idr.batch([file], again, planner="idm", panel=batch / "panel", **OPTIONS)
     assert not (again / "panel").exists()
+    assert done.panel_notes == ()
     scores = [
         {
             row["agent_id"]: row["score"]
@@ -72,6 +73,20 @@ def test_a_stored_panel_is_only_read(batch, file, tmp_path):
     ]
     assert scores[0] == scores[1]
     assert PanelFolder.open(batch / "panel").drivers == PANEL
+
+
+def test_a_stored_panel_of_other_traffic_is_told_and_drives_anew(batch, file, tmp_path):
+    among_idm = {**OPTIONS, "traffic": "idm"}
+    done = idr.batch([file], tmp_path / "out", planner="idm", panel=batch / "panel", **among_idm)
+    (note,) = done.panel_notes
+    assert note.startswith(f"{batch / 'panel'} lacks what 2 of 2 runs need")
+    assert note in done.notes
+    assert len(list((batch / "panel").glob("*.npz"))) == 2, "it is only read"
+    run = idr.simulate(
+        file, agents=[31, 32], planner={31: "idm", "default": "idm"}, predictor="constant_velocity", threads=1
+    )
+    (told,) = idr.score(run, [31], panel=batch / "panel").notes
+    assert told.startswith(f"{batch / 'panel'} has nothing in the place of agent 31")
 
 
 def test_scores_and_comparisons_name_the_panel_and_tell_others_apart(batch, file, tmp_path):

@@ -179,6 +179,12 @@ def test_bad_options_are_one_line(run, tmp_path, arguments, message):
 
 
 def test_bad_traffic_of_a_panel_is_one_line():
-    result = CliRunner().invoke(main, ["panel", "--traffic", "same"])
-    assert result.exit_code == 2
-    assert "--traffic same: expected recorded, velocity_adjusting, rollout" in result.stderr
+    for traffic, message in (
+        ("same", "--traffic same: a panel needs one planner for all others"),
+        ("replay,nobody", "--traffic replay,nobody: expected one of replay, recorded, "),
+        ("", "--traffic : expected one of replay"),
+    ):
+        result = CliRunner().invoke(main, ["panel", "--traffic", traffic])
+        assert result.exit_code == 2
+        assert result.stderr.startswith(f"error: {message}")
+        assert len(result.stderr.strip().splitlines()) == 1

@@ -6,7 +6,7 @@ import math
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST
-from interdrive.adversaries.trial import PREDICTOR, TRAFFIC, Drive, Place, trial
+from interdrive.adversaries.trial import PREDICTOR, TRAFFIC, Drive, Place, Trial, trial
 from interdrive.benchmarks.passages import PASSAGES, located
 from interdrive.benchmarks.sets import read_set
 from interdrive.comparison.intervals import PLACES_MIN, mean_interval, mean_of_files
@@ -80,6 +80,7 @@ class Ranking:
         n_trivial: Agents that are left out: one that stands reaches their goal in time, so they tell nothing apart.
         missing: Files that were not found, and agents that cannot be driven, one line each.
         rows: All drives.
+        notes: One line per thing the user should know.
     """
 
     honest: Mapping[str, float]
@@ -90,6 +91,7 @@ class Ranking:
     n_trivial: int
     missing: tuple[str, ...]
     rows: tuple[Drive, ...]
+    notes: tuple[str, ...] = ()
 
     @property
     def judged(self) -> tuple[Verdict, ...]:
@@ -156,22 +158,25 @@ def rank_adversaries(
             stored = PanelFolder.create(Path(out) / "panel", PANEL, f"{set}, split {split}, {TRAFFIC}, {PREDICTOR}")
         rows: list[Drive] = []
         problems = list(missing)
+        anew = 0
         for done, answer in enumerate(_trials(places, workers, stored), start=1):
             if isinstance(answer, str):
                 problems.append(answer)
             else:
-                rows += answer
+                rows += answer.drives
+                anew += answer.driven_anew
             if on_place is not None:
                 on_place(done, len(places))
         if not rows:
             raise InputError(f"set {set}: no agent of it can be driven; {problems[0]}")
-        ranking = ranked(rows, problems)
+        notes = () if stored is None else stored.said_lacking(anew, len(places), "agents")
+        ranking = replace(ranked(rows, problems), notes=notes)
         if out is not None:
             _save(ranking, Path(out), f"{set}, split {split}")
         return ranking
 
 
-def _trials(places: Sequence[Place], workers: int | None, stored: PanelFolder | None) -> Iterable[list[Drive] | str]:
+def _trials(places: Sequence[Place], workers: int | None, stored: PanelFolder | None) -> Iterable[Trial | str]:
     """Answers in the order of the places, however many processes work."""
     tried = partial(trial, stored=stored)
     if workers == 1 or len(places) == 1:
@@ -262,6 +267,7 @@ def _save(found: Ranking, folder: Path, what: str) -> None:
         "n_places": found.n_places,
         "n_trivial": found.n_trivial,
         "missing": list(found.missing),
+        "notes": list(found.notes),
         "honest": dict(found.honest),
         "adversaries": [_plain(asdict(one)) for one in found.verdicts],
         "drives": [asdict(row) for row in found.rows],

@@ -10,7 +10,7 @@ import numpy as np
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
-from interdrive.panel import PANEL, World, panel_drives
+from interdrive.panel import PANEL, World, panel_drives, was_driven_anew
 from interdrive.scoring import ScoringSettings
 from interdrive.scoring import drive_facts as facts
 from interdrive.scoring.hindrance import Hindrance, hindrance_of
@@ -68,7 +68,20 @@ class Drive:
     why: str
 
 
-def trial(place: Place, stored: PanelFolder | None = None) -> list[Drive] | str:
+@dataclass(frozen=True)
+class Trial:
+    """All drivers in the place of an agent.
+
+    Attributes:
+        drives: One per driver.
+        driven_anew: A stored panel had nothing there.
+    """
+
+    drives: tuple[Drive, ...]
+    driven_anew: bool = False
+
+
+def trial(place: Place, stored: PanelFolder | None = None) -> Trial | str:
     """All drivers in the place of an agent; in one line why there are none if the agent cannot be driven."""
     try:
         return _trial(place, stored)
@@ -76,7 +89,7 @@ def trial(place: Place, stored: PanelFolder | None = None) -> list[Drive] | str:
         return f"{place.file}, agent {place.agent_id}: {error}"
 
 
-def _trial(place: Place, stored: PanelFolder | None) -> list[Drive]:
+def _trial(place: Place, stored: PanelFolder | None) -> Trial:
     scenario, settings = read_scenario(place.path), ScoringSettings()
     planner: dict[int | str, PlannerSpec] = {place.agent_id: "lawful", "default": TRAFFIC}
     first = simulate(
@@ -109,7 +122,7 @@ def _trial(place: Place, stored: PanelFolder | None) -> list[Drive]:
         drive, taken = driven(adversary.planner, adversary.rules)
         differs = _differs if adversary.rules is None else _breaks_more
         add(adversary.name, drive, taken, acts=differs(drive, honest[adversary.base][0]))
-    return rows
+    return Trial(tuple(rows), was_driven_anew(panel.notes))
 
 
 def _others(scenario: Scenario, agent_id: int) -> list[int]:

@@ -66,6 +66,7 @@ class BatchSummary:
         status: Number of runs by how they ended, including existing runs.
         seconds: Wall time of this call [s].
         notes: One line per thing the user should know.
+        panel_notes: Those of them that concern a stored panel.
     """
 
     folder: Path
@@ -74,6 +75,7 @@ class BatchSummary:
     status: Mapping[str, int]
     seconds: float
     notes: tuple[str, ...] = field(default=())
+    panel_notes: tuple[str, ...] = field(default=())
 
     @property
     def table(self) -> ArrowTable:
@@ -191,17 +193,19 @@ def batch(
         before = folder.done()
         missing = [spec for key, spec in specs.items() if _is_missing(before.get(key), keep, retry=retry)]
         try:
-            _conduct(missing, folder, backend, keep, stored, send=ray is not None, on_progress=on_progress)
+            anew = _conduct(missing, folder, backend, keep, stored, send=ray is not None, on_progress=on_progress)
         finally:
             folder.tidy(now=True)
         done = folder.done()
+        panel_notes = () if stored is None else stored.said_lacking(anew, len(missing), "runs")
         return BatchSummary(
             folder.path,
             tuple(specs),
             len(specs) - len(missing),
             Counter(done[key].status for key in specs),
             time.monotonic() - start,
-            plan.notes,
+            (*plan.notes, *panel_notes),
+            panel_notes,
         )
 
 
@@ -313,10 +317,14 @@ def _conduct(
     *,
     send: bool,
     on_progress: Callable[[Progress], None] | None,
-) -> None:
-    """Does the missing runs, waits for runs of another batch, and stores the results."""
+) -> int:
+    """Does the missing runs, waits for runs of another batch, and stores the results.
+
+    Returns:
+        In how many runs drivers of a stored panel drove anew.
+    """
     elsewhere: list[RunSpec] = []
-    count = failures = 0
+    count = failures = anew = 0
 
     def claimed(spec: RunSpec) -> bool:
         """Whether this batch has claimed the run, and no other has done it in the meantime."""
@@ -349,11 +357,13 @@ def _conduct(
             folder.store(spec.key, finished)
             folder.release(spec.key)
             failures += finished.status not in ("finished", "refused")
+            anew += finished.driven_anew
             report(spec, finished.status)
             folder.tidy()
         waiting, elsewhere = elsewhere, []
         if waiting:
             time.sleep(_LOOK_EVERY)
+    return anew
 
 
 def _twice(end: End[Any]) -> str:

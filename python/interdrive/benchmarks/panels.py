@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from interdrive.batches.job import Job, read_scenario_of, simulated
-from interdrive.batches.plan import planned
+from interdrive.batches.plan import planned, traffic_kind
 from interdrive.benchmarks.passages import PASSAGES, located
-from interdrive.benchmarks.sets import NON_REACTIVE, REACTIVE, read_set
+from interdrive.benchmarks.sets import read_set
 from interdrive.config.schema import SimulationSettings
 from interdrive.errors import InputError, InterdriveError
 from interdrive.panel import PANEL, PanelFolder, World, panel_drives
@@ -47,7 +47,7 @@ def store_panel(
     set: str = "shipped-2",  # noqa: A002 - the word for it
     split: str = "dev",
     scenarios: str | Path | None = None,
-    traffic: Sequence[str] = (NON_REACTIVE, REACTIVE),
+    traffic: Sequence[str] | None = None,
     predictor: PredictorSpecs = "neural",
     out: str | Path = "out/panel",
     workers: int | None = None,
@@ -62,7 +62,7 @@ def store_panel(
         set: Name of a benchmark set.
         split: Part of it.
         scenarios: Folder that contains its files; None: `INTERDRIVE_SCENARIOS`.
-        traffic: How the others drive.
+        traffic: How the others drive: "replay" and native planners; None: the columns of the set.
         predictor: Of all agents.
         out: Folder of the panel.
         workers: Processes; all cores by default.
@@ -70,19 +70,22 @@ def store_panel(
         on_recording: Called with the name of a recording before it is joined.
 
     Raises:
-        InputError: An unknown set or split, none of its files was found, or another panel is in the folder.
+        InputError: An unknown set, split or traffic, none of its files was found, or another panel is in the folder.
         ResultsError: The folder cannot be used.
     """
     chosen = read_set(set)
     wanted = chosen.of_split(split)
+    kinds = chosen.traffic if traffic is None else tuple(dict.fromkeys(str(traffic_kind(kind)) for kind in traffic))
+    if "same" in kinds:
+        raise InputError("traffic: a panel needs one planner for all others; name it instead of same")
     there, found, missing = located(chosen, wanted, scenarios, Path(out).parent / PASSAGES, on_recording)
     if not there:
         raise InputError(f"set {set}: none of its {len(wanted)} files was found; give their folder with --scenarios")
-    about = f"{set} {chosen.sha256[:12]}, split {split}, traffic {' and '.join(traffic)}, predictor {predictor}"
+    about = f"{set} {chosen.sha256[:12]}, split {split}, traffic {' and '.join(kinds)}, predictor {predictor}"
     agents = {file.sha256: file.agents for file in there}
     tasks = [
         spec.of_agents([number])
-        for kind in traffic
+        for kind in kinds
         for spec in planned(
             [found[file.sha256] for file in there],
             planner=_FIRST,

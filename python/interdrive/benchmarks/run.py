@@ -57,6 +57,7 @@ class Benchmark:
         needed: Places that are needed to separate two neighbours, for `power`; empty without it.
         command: Command that repeats the benchmark.
         folder: Folder of the results and benchmark.json.
+        notes: One line per thing the user should know.
     """
 
     set: str
@@ -73,6 +74,7 @@ class Benchmark:
     counted: tuple[str, ...] = (REACTIVE,)
     ranking: Ranking | None = None
     needed: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def score(self) -> float:
@@ -153,6 +155,7 @@ def benchmark(
     listed = {file.sha256: file.agents for file in there}
     labels = list(choices(planner, "planner"))
     keys: list[str] = []
+    notes: list[str] = []
     for traffic in driven:
         among = _planners(planner, traffic)
         if not among:
@@ -163,6 +166,7 @@ def benchmark(
             settings={"recording.raw": True} if raw else None,
         )  # fmt: skip
         keys += done.keys
+        notes += [f"among {traffic}: {note}" for note in done.panel_notes]
     rows = rows_of(BatchFolder.open(out).table(None, {*keys}))
     rows["variant"] = rows["planner"]
     standing = standings(rows, labels, there, chosen, driven)
@@ -183,6 +187,7 @@ def benchmark(
         counted=standing.counted,
         ranking=ranking,
         needed={} if power is None else places_needed(standing, power),
+        notes=tuple(notes),
     )
     _save(result, chosen)
     about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}"

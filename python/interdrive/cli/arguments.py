@@ -47,6 +47,18 @@ def assigned(assignments: Sequence[str], *, raw: bool = False, source: Sequence[
     return values
 
 
+@contextmanager
+def named_options(options: Mapping[str, object]) -> Iterator[None]:
+    """Names the option in the error of an argument."""
+    try:
+        yield
+    except InputError as error:
+        name, colon, message = str(error).partition(": ")
+        if not colon or options.get(name) is None:
+            raise
+        raise InputError(f"--{name} {options[name]}: {message}") from error.__cause__
+
+
 def choices_by_agent(texts: Sequence[str]) -> dict[int, Choice]:
     """Choices of `--agent` by id."""
     found: dict[int, Choice] = {}

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
-
 import click
 
-from interdrive.cli.arguments import raw_option
+from interdrive.cli.arguments import named_options, raw_option
 from interdrive.errors import InputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 
 @click.command()
@@ -76,7 +70,7 @@ def benchmark(
     from interdrive.benchmarks import benchmark as run_benchmark  # noqa: PLC0415
     from interdrive.cli.terminal import say  # noqa: PLC0415
 
-    with batch_progress(quiet=quiet) as on_progress, _named({"columns": columns, "power": power}):
+    with batch_progress(quiet=quiet) as on_progress, named_options({"columns": columns, "power": power}):
         found = run_benchmark(
             planner,
             set=name,
@@ -94,15 +88,3 @@ def benchmark(
         )
     if not quiet:
         print_benchmark(found)
-
-
-@contextmanager
-def _named(options: Mapping[str, object]) -> Iterator[None]:
-    """Names the option in the error of an argument."""
-    try:
-        yield
-    except InputError as error:
-        name, colon, message = str(error).partition(": ")
-        if not colon or options.get(name) is None:
-            raise
-        raise InputError(f"--{name} {options[name]}: {message}") from error.__cause__

@@ -6,9 +6,8 @@ from functools import partial
 
 import click
 
-from interdrive.cli.arguments import shown
+from interdrive.cli.arguments import named_options, shown
 from interdrive.cli.terminal import say
-from interdrive.errors import InputError
 
 #: Missing files and agents that are listed.
 _MISSING_MAX = 12
@@ -18,9 +17,7 @@ _MISSING_MAX = 12
 @click.option("--set", "name", metavar="SET", default="shipped-2", help="Benchmark set (shipped-2).")
 @click.option("--split", metavar="test|dev|all", default="dev", help="Part of the set (dev).")
 @click.option("--scenarios", metavar="DIR", help="Folder that contains the files of the set (INTERDRIVE_SCENARIOS).")
-@click.option(
-    "--traffic", metavar="NAME,NAME", default="recorded,velocity_adjusting", help="How the others drive (both)."
-)
+@click.option("--traffic", metavar="NAME,NAME", help="How the others drive (replay, and the columns of the set).")
 @click.option("--predictor", metavar="NAME", default="neural", help="Predictor of all agents (neural).")
 @click.option("--workers", metavar="N", type=click.IntRange(min=1), help="Processes (all cores).")
 @click.option("--out", metavar="DIR", help="Folder of the panel (out/panel-SET); what is in it is not driven again.")
@@ -28,7 +25,7 @@ def panel(
     name: str,
     split: str,
     scenarios: str | None,
-    traffic: str,
+    traffic: str | None,
     predictor: str,
     workers: int | None,
     out: str | None,
@@ -36,18 +33,13 @@ def panel(
     """Drive the panel in the place of every agent of a set and store it, so that scores against it run nothing else.
 
     `interdrive score`, `benchmark` and `adversaries` read the folder with --panel DIR. Its scores are those of a panel
-    that is driven anew, bit for bit. Agents are driven among replayed and among reacting traffic.
+    that is driven anew, bit for bit. Agents are driven in every kind of traffic that the set has as a column.
     """
-    from interdrive.batches.plan import TRAFFIC  # noqa: PLC0415
     from interdrive.benchmarks.panels import store_panel  # noqa: PLC0415 - needs the simulation
     from interdrive.cli.report import progress  # noqa: PLC0415 - rich
 
-    kinds = tuple(kind.strip() for kind in traffic.split(","))
-    for kind in kinds:
-        if kind == "same" or kind not in TRAFFIC:
-            names = [name for name in TRAFFIC if name != "same"]
-            raise InputError(f"--traffic {kind}: expected {', '.join(names)}")
-    with progress(quiet=False) as report:
+    kinds = None if traffic is None else tuple(kind.strip() for kind in traffic.split(","))
+    with progress(quiet=False) as report, named_options({"traffic": traffic}):
         found = store_panel(
             set=name,
             split=split,

@@ -114,6 +114,8 @@ def print_adversaries(found: Ranking, folder: Path) -> None:
     )
     if found.n_trivial:
         console.print(f"left out: {said_count(found.n_trivial, 'agent')} whose goal is reached in time by standing")
+    for note in found.notes:
+        console.print(f"note: {escape(note)}", soft_wrap=True)
     if found.missing:
         console.print(f"partial: {len(found.missing)} files or agents are missing", style="yellow")
         for line in found.missing[:_MISSING_MAX]:
@@ -223,6 +225,8 @@ def print_benchmark(found: Benchmark) -> None:
         console.print(_LEFT_OUT + "; common: agents that all planners of this command can drive" * differ)
     if any(row.planner == "recorded" for row in every):
         console.print(_REPLAYED)
+    for note in found.notes:
+        console.print(f"note: {escape(note)}", soft_wrap=True)
     if found.missing:
         console.print(f"partial, without rank: {len(found.missing)} files are missing", style="yellow")
         for line in found.missing[:_MISSING_MAX]:

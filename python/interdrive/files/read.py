@@ -346,7 +346,7 @@ def join(
     whole = joined([read_scenario(path, raw=True) for path in paths], raw=raw)
     if first is None and last is None:
         return whole
-    known = whole.obstacles.valid.any(axis=0).nonzero()[0]
+    known = np.flatnonzero(whole.obstacles.valid.any(axis=0))
     begins, ends = int(known.min(initial=whole.obstacles.n_steps)), int(known.max(initial=0))
     start, end = begins if first is None else first, ends if last is None else last
     if not begins <= start < end <= ends:

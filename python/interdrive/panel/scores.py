@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,9 @@ PANEL = ("lawful", "idm", "idm_mobil", "rollout")
 
 #: How a panel is named: its drivers, none at all, or a folder.
 DEFAULT, NONE = "default", "none"
+
+#: So ends the note on an agent in whose place a stored panel has nothing.
+_DRIVEN_ANEW = "with this traffic, predictor and settings; its drivers drove anew"
 
 _SEVERAL = "several agents are scored: what each of them costs the others is not measured"
 
@@ -156,9 +160,16 @@ def panel_drives(
             + (f"; it has {stored.about}" if stored.about else "")
         )
     made = _driven(world, panel, settings, measures_hindrance=measures_hindrance)
-    if stored is not None:
-        stored.keep(key, made)
-    return made
+    if stored is None:
+        return made
+    stored.keep(key, made)
+    told = f"{stored.path} has nothing in the place of agent {world.agent_id} {_DRIVEN_ANEW}"
+    return made if stored.writes else replace(made, notes=(*made.notes, told))
+
+
+def was_driven_anew(notes: Sequence[str]) -> bool:
+    """Whether notes on drives of a panel say that a stored panel had nothing there."""
+    return any(note.endswith(_DRIVEN_ANEW) for note in notes)
 
 
 def _driven(world: World, panel: Sequence[str], settings: ScoringSettings, *, measures_hindrance: bool) -> PanelDrives:

@@ -152,6 +152,13 @@ class PanelFolder:
         except (OSError, ValueError, KeyError, TypeError, BadZipFile) as cause:
             raise ResultsError(f"{path}: cannot be read: {one_line(cause)}; delete the file") from cause
 
+    def said_lacking(self, anew: int, n: int, what: str) -> tuple[str, ...]:
+        """A note if drivers of the panel drove for `anew` of `n` runs or places; `what` says which of the two."""
+        if not anew:
+            return ()
+        has = f" (it has {self.about})" if self.about else ""
+        return (f"{self.path} lacks what {anew} of {n} {what} need{has}; its drivers drove anew, which takes longer",)
+
     def keep(self, key: str, found: PanelDrives) -> None:
         """Stores the drives `found` under a `key`, unless the folder is only read.
 
