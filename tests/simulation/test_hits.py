@@ -111,6 +111,22 @@ def test_of_two_agents_the_one_at_fault_ends():
     assert run.hits.by_id.tolist() == [101]
 
 
+def test_who_hits_an_agent_ends_even_if_it_is_hit_at_the_same_time():
+    pushed = problem(101, 40.5, 0.0, 20.0, goal=(300.0, 0.0), time_step=(0, 100))
+    ahead = problem(102, 84.0, 0.0, 0.0, goal=(300.0, 0.0), time_step=(0, 100))
+    scenario = road(Car(7, -2.2, velocity=40.0), x=300.0, others=[pushed, ahead])
+    run = drive(scenario, {100: Stand, 101: Straight, 102: Stand})
+    partners = dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.partner_id.tolist(), strict=True))
+    assert partners[101] == 7, "the car at 40 m/s runs into it when it runs into 102"
+    assert run.hits.agent_id.tolist() == [102, 102]
+    assert run.hits.by_id.tolist() == [101, 7], "what hit 101, which is gone, comes next"
+    assert dict(zip(run.outcomes.agent_id.tolist(), run.outcomes.outcome, strict=True)) == {
+        100: "time_limit",
+        101: "collision",
+        102: "time_limit",
+    }
+
+
 @pytest.mark.parametrize("change", [{"threads": 4}, {"settings": {**DRIVES_ON, "record.violations": False}}])
 def test_neither_threads_nor_what_is_recorded_changes_a_bit(change):
     scenario = road(*FROM_BEHIND)

@@ -37,7 +37,8 @@ class Hit(NamedTuple):
 def hits_among(run: RunRecord, ended: Iterable[int]) -> list[Hit]:
     """Agents of a run, of these that have just ended, that another vehicle hit without their fault.
 
-    They are judged in the order of their ids, from what has happened until now. Who hits an agent is judged no more.
+    They are judged in the order of their ids, from what has happened until now. Who hits one of them is not among
+    them, even if another vehicle hit it at the same time: it ends.
     """
     outcomes, states = run.outcomes, run.states
     rows = {number: row for row, number in enumerate(states.participant_id.tolist())}
@@ -55,6 +56,7 @@ def hits_among(run: RunRecord, ended: Iterable[int]) -> list[Hit]:
         if by in gone or states.is_static[rows[by]] or states.kinds[rows[by]] not in DRIVABLE_KINDS:
             continue
         gone.add(by)
+        found = [hit for hit in found if hit.agent_id != by]
         impact = float(outcomes.impact_speed[place])
         found.append(Hit(number, by, int(outcomes.time_step[place]), impact, verdict.collision_type))
     return found

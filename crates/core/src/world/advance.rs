@@ -276,10 +276,17 @@ impl World {
         let unknown = || Error::UnknownId { what: "agent", id };
         let index = self.drives.iter().position(|drive| drive.agent.id == id).ok_or_else(unknown)?;
         let (time_step, settings, dt) = (self.time_step, self.settings.step, self.scenario.dt);
-        let drive = &mut self.drives[index];
-        let (OutcomeKind::Collision, Some(partner)) = (drive.outcome.kind, drive.outcome.partner) else {
+        let is_driving = |number| {
+            self.drives.iter().any(|drive| drive.agent.id == number && drive.outcome.kind == OutcomeKind::Running)
+        };
+        let outcome = &self.drives[index].outcome;
+        let (OutcomeKind::Collision, Some(partner)) = (outcome.kind, outcome.partner) else {
             return Err(Error::invalid(format!("agent {id} was not ended by a contact")));
         };
+        if is_driving(partner) {
+            return Err(Error::invalid(format!("agent {partner}, which would leave for {id}, drives on itself")));
+        }
+        let drive = &mut self.drives[index];
         let state = self.recording.last_state(drive.row);
         let (true, Some(state)) = (drive.outcome.time_step == time_step, state) else {
             return Err(Error::invalid(format!("agent {id} was not ended by a contact in the last step")));
