@@ -17,6 +17,7 @@ from interdrive.panel import PANEL, PanelFolder, World
 from interdrive.panel.stored import key_of
 from interdrive.results import save
 from interdrive.scoring import ScoringSettings, score_table
+from interdrive.scoring.judgement import PanelDrives
 from interdrive.scoring.settings import ComfortBounds, PanelWeights
 
 AGENT, OTHERS = 2001, [1003, 1006]
@@ -125,6 +126,19 @@ def test_the_command_drives_a_set_that_other_commands_read(run, tmp_path, nothin
     )
     assert result.exit_code == 0, result.stderr
     assert "panel: lawful, idm, idm_mobil, rollout" in result.stdout
+
+
+def test_a_place_that_fails_is_told_and_the_others_are_driven(tmp_path, monkeypatch):
+    def failing(world, *arguments, **options):
+        if world.agent_id == 1003:
+            raise RuntimeError("the core failed: no state")
+        return PanelDrives()
+
+    monkeypatch.setattr("interdrive.benchmarks.panels.read_set", only_two_agents)
+    monkeypatch.setattr("interdrive.benchmarks.panels.panel_drives", failing)
+    found = store_panel(traffic=["replay"], predictor="constant_velocity", out=tmp_path / "panel", workers=1)
+    assert found.n_places == 2
+    assert found.missing == ("t_junction, agent 1003, recorded: RuntimeError: the core failed: no state",)
 
 
 def only_two_agents(name):

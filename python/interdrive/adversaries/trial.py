@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
-from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
+from interdrive.foreign import failure
 from interdrive.panel import PANEL, World, panel_drives, was_driven_anew
 from interdrive.scoring import ScoringSettings
 from interdrive.scoring import drive_facts as facts
@@ -85,8 +85,8 @@ def trial(place: Place, stored: PanelFolder | None = None) -> Trial | str:
     """All drivers in the place of an agent; in one line why there are none if the agent cannot be driven."""
     try:
         return _trial(place, stored)
-    except InterdriveError as error:
-        return f"{place.file}, agent {place.agent_id}: {error}"
+    except Exception as error:  # noqa: BLE001 - one place that fails is told, the others are driven
+        return f"{place.file}, agent {place.agent_id}: {failure(error)}"
 
 
 def _trial(place: Place, stored: PanelFolder | None) -> Trial:

@@ -14,7 +14,8 @@ from interdrive.batches.plan import planned, traffic_kind
 from interdrive.benchmarks.passages import PASSAGES, located
 from interdrive.benchmarks.sets import read_set
 from interdrive.config.schema import SimulationSettings
-from interdrive.errors import InputError, InterdriveError
+from interdrive.errors import InputError
+from interdrive.foreign import failure
 from interdrive.panel import PANEL, PanelFolder, World, panel_drives
 from interdrive.scoring import ScoringSettings
 
@@ -124,6 +125,6 @@ def _stored(spec: RunSpec, folder: PanelFolder) -> str:
         run, _ = simulated(spec, read_scenario_of(Job(spec, "none"))[0])
         if number not in run.scenario.overlapping:
             panel_drives(World.of(run, number), PANEL, ScoringSettings(), measures_hindrance=True, stored=folder)
-    except InterdriveError as error:
-        return f"{spec.scenario}, agent {number}, {spec.traffic}: {error}"
+    except Exception as error:  # noqa: BLE001 - one place that fails is told, the others are driven
+        return f"{spec.scenario}, agent {number}, {spec.traffic}: {failure(error)}"
     return ""
