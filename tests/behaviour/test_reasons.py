@@ -93,6 +93,16 @@ def test_an_agent_whose_time_is_over_is_told_what_was_left():
     assert reason == ("time_limit", "18.0 m before the goal area when the time was over")
 
 
+def test_a_vehicle_ahead_is_named_only_if_it_holds_the_agent_up():
+    # Both drive at 2 m/s, 4.5 m apart; then one drives off at 6 m/s, 15.5 m ahead.
+    for car, cause in (
+        (Car(310, 29.0, velocity=2.0), "drove behind 310 for 8.5 s; "),
+        (Car(310, 40.0, velocity=6.0), ""),
+    ):
+        reason = ended(on_a_road(car, velocity=2.0, time_step=(0, 50)))
+        assert reason == ("time_limit", f"{cause}18.0 m before the goal area when the time was over")
+
+
 def test_a_stop_behind_a_vehicle_names_it_and_the_seconds():
     scenario = on_a_road(Car(310, 28.0), velocity=0.0, time_step=(0, 40))
     reason = "stood behind 310 for 6.8 s; 35.0 m before the goal area when the time was over"

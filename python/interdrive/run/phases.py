@@ -29,6 +29,11 @@ _SHORTEST = 0.5
 #: A vehicle ahead is named if it is at most this far away: [m] while standing, [m] and [s] while driving.
 _AHEAD_STANDING, _AHEAD_DRIVING, _AHEAD_S = 10.0, 20.0, 3.0
 
+#: A vehicle ahead of an agent that drives is named only if it can hold the agent up: if it is no faster, or the speed
+#: from which the agent follows it comfortably is at most this above its own [m/s]. That speed is Gipps' for this time gap
+#: [s], deceleration [m/s²] and gap at rest [m].
+_HELD, _TIME_GAP, _COMFORTABLE, _REST = 2.0, 1.0, 2.0, 2.0
+
 #: Participants cross the path of a waiting agent within this distance [m], faster than this [m/s].
 _CROSSING_AHEAD, _CROSSING_SPEED = 20.0, 1.0
 
@@ -52,8 +57,9 @@ class Phase:
     Attributes:
         kind: What it did.
         first_time_step: Its first time step. last_time_step: Its last one, included.
-        leader_id: The vehicle ahead in most of this time, -1 for none; what is beyond a line at which it waits is not
-            meant. While it reverses, neither this nor what follows is told.
+        leader_id: The vehicle ahead in most of this time that held it up, -1 for none; what is beyond a line at which
+            it waits, or far or fast enough not to hold it up, is not meant. While it reverses, neither this nor what
+            follows is told.
         crossing_ids: While it stood without a vehicle ahead or a line to wait at: participants that crossed its path,
             in their order.
         red_lanelet_id: The lanelet of the stop line that it stood at or came to, nearer than any vehicle, if its light
@@ -166,26 +172,35 @@ def _leader_in(run: RunRecord, path: Floats, row: int, columns: Ints, *, standin
     moments = columns[np.unique(np.linspace(0, len(columns) - 1, _MOMENTS).round().astype(np.int64))]
     speed = np.abs(run.states.velocity[row, moments])
     reach = np.full(len(moments), _AHEAD_STANDING) if standing else np.maximum(_AHEAD_DRIVING, _AHEAD_S * speed)
-    ahead = [_leader(run, path, row, int(column), float(far)) for column, far in zip(moments, reach, strict=True)]
+    found = (_leader(run, path, row, int(column), float(far)) for column, far in zip(moments, reach, strict=True))
+    ahead = [
+        number if standing or safe <= own + _HELD else -1 for (number, safe), own in zip(found, speed, strict=True)
+    ]
     ids, counts = np.unique(ahead, return_counts=True)
     most = int(counts.argmax())
     return int(ids[most]) if 2 * counts[most] > len(ahead) else -1
 
 
-def _leader(run: RunRecord, path: Floats, row: int, column: int, reach: float) -> int:
-    """The nearest participant that reaches into what a footprint would cover along the path; -1 for none.
+def _leader(run: RunRecord, path: Floats, row: int, column: int, reach: float) -> tuple[int, float]:
+    """The nearest participant that reaches into what a footprint would cover along the path, and how fast to follow it.
 
-    `reach` is the largest distance between the two footprints along the path [m].
+    -1 for none. `reach` is the largest distance between the two footprints along the path [m]; the speed [m/s] is that
+    from which it can be followed comfortably.
     """
     states = run.states
     rows = _near(run, row, column, reach)
     if not len(rows) or len(path) < 2:
-        return -1
+        return -1, np.inf
     near, beside, own_front, half = _extents(run, path, row, rows, column)
     gap = np.where(beside < half, near - own_front, np.inf)
     gap[gap < -0.5 * states.length[row]] = np.inf  # beside or behind
     best = int(gap.argmin())
-    return int(states.participant_id[rows[best]]) if gap[best] <= reach else -1
+    if gap[best] > reach:
+        return -1, np.inf
+    room, speed = max(float(gap[best]) - _REST, 0.0), max(float(states.velocity[rows[best], column]), 0.0)
+    early = _COMFORTABLE * _TIME_GAP
+    safe = float(np.sqrt(early**2 + speed**2 + 2.0 * _COMFORTABLE * room)) - early
+    return int(states.participant_id[rows[best]]), safe if speed > states.velocity[row, column] else speed
 
 
 def _crossing(run: RunRecord, path: Floats, row: int, columns: Ints) -> tuple[int, ...]:
