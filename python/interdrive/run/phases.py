@@ -30,8 +30,8 @@ _SHORTEST = 0.5
 _AHEAD_STANDING, _AHEAD_DRIVING, _AHEAD_S = 10.0, 20.0, 3.0
 
 #: A vehicle ahead of an agent that drives is named only if it can hold the agent up: if it is no faster, or the speed
-#: from which the agent follows it comfortably is at most this above its own [m/s]. That speed is Gipps' for this time gap
-#: [s], deceleration [m/s²] and gap at rest [m].
+#: from which the agent follows it comfortably is at most this above its own [m/s]. That speed is that of Gipps for this
+#: time gap [s], deceleration [m/s²] and gap at rest [m].
 _HELD, _TIME_GAP, _COMFORTABLE, _REST = 2.0, 1.0, 2.0, 2.0
 
 #: Participants cross the path of a waiting agent within this distance [m], faster than this [m/s].
