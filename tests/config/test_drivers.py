@@ -250,8 +250,9 @@ def test_correlations_that_contradict_each_other_are_refused(tmp_path):
     pairs = [["time_gap", "acceleration", 0.9], ["acceleration", "deceleration", 0.9]]
     pairs.append(["time_gap", "deceleration", -0.9])
     path.write_text(FILE.replace('[["time_gap", "acceleration", -0.5]]', json.dumps(pairs)))
-    with pytest.raises(InputError, match="correlation: the matrix is not positive definite"):
+    with pytest.raises(InputError) as caught:
         read_drivers(str(path))
+    assert str(caught.value) == f"drivers {path}: correlation: the matrix is not positive definite"
 
 
 def _offsets(road, table, tmp_path, planner="idm", **options):

@@ -213,6 +213,7 @@ def test_vehicles_that_change_lanes_where_no_way_leads_are_measured(tmp_path):
         ({"planners": ["idm", "idm"]}, "planner idm is given twice"),
         ({"planners": "recorded"}, "planner recorded: stands beside the others anyway"),
         ({"starts": [19.0]}, "no vehicle can be judged"),
+        ({"starts": [400.0]}, "no vehicle can be judged"),
     ],
 )
 def test_impossible_wishes_are_refused_in_one_line(recording, options, words):

@@ -235,7 +235,7 @@ class Drivers:
         try:
             return np.asarray(np.linalg.cholesky(matrix))
         except np.linalg.LinAlgError:
-            raise InputError(f"drivers {self.name}", "correlation: the matrix is not positive definite") from None
+            raise InputError("correlation", "the matrix is not positive definite") from None
 
 
 def checked_temperament(given: Mapping[str, object]) -> dict[str, float]:

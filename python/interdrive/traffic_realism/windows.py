@@ -205,6 +205,8 @@ def windows_of(
     found: list[Window] = []
     for number, recording in enumerate(recordings):
         for time in starts or _starts(recording, horizon, is_long=is_long):
+            if round(time / recording.scenario.dt) >= recording.scenario.obstacles.n_steps:
+                continue
             window = _cut(recording, number, len(found), time, horizon)
             if len(window.judged):
                 found.append(window)
