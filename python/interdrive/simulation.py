@@ -285,7 +285,7 @@ class Simulation:
             from interdrive.scoring.hits import hits_among  # noqa: PLC0415 - few runs have contacts
 
             partners = dict(zip(raw["agent_id"].tolist(), raw["partner_id"].tolist(), strict=True))
-            for hit in hits_among(self._recorded(with_violations=True), ended):
+            for hit in hits_among(self._recorded(Plans(**self.world.plans()), with_violations=True), ended):
                 self.world.drive_on(hit.agent_id)
                 self._hits.append(hit)
                 if self._sumo is not None:
@@ -389,12 +389,14 @@ class Simulation:
         Args:
             explained: With reasons of outcomes and, where `record.violations` says so, violations. Both take time.
         """
+        # A run that is over makes no more plans.
+        plans = Plans(**(self.world.hand_over_plans() if self.world.is_done else self.world.plans()))
         if not explained:
-            return self._unexplained()
-        return self._recorded(with_violations=self.settings.record.violations)
+            return self._unexplained(plans)
+        return self._recorded(plans, with_violations=self.settings.record.violations)
 
-    def _recorded(self, *, with_violations: bool) -> Run:
-        run = self._unexplained()
+    def _recorded(self, plans: Plans, *, with_violations: bool) -> Run:
+        run = self._unexplained(plans)
         broken = (
             violations(run, self.road, self.areas, self.world.obeying, self.world.entries())
             if with_violations
@@ -402,10 +404,10 @@ class Simulation:
         )
         return replace(run, outcomes=replace(run.outcomes, reason=reasons(run, self.road)), violations=broken)
 
-    def _unexplained(self) -> Run:
+    def _unexplained(self, plans: Plans) -> Run:
         states = self.states()
         firsts = first_states(states, self.waiting)
-        return self.assembled(states, Plans(**self.world.plans()), firsts, digest(states))
+        return self.assembled(states, plans, firsts, digest(states))
 
     def assembled(self, states: States, plans: Plans, firsts: Mapping[int, FirstState], digest: str) -> Run:
         """The run until now without reasons and violations, for one whose states and plans are not all in the world.

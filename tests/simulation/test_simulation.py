@@ -121,6 +121,21 @@ def test_after_the_end_nothing_happens():
     assert simulation.record().digest == first
 
 
+def test_records_on_the_way_and_at_the_end_have_all_plans_however_often_they_are_made():
+    simulation = Simulation(two_lanes(), agents=[100], planner="idm", threads=1, settings={"step.max_steps": 6})
+    for _ in range(3):
+        simulation.step()
+    halfway = simulation.record().plans
+    while not simulation.is_done:
+        simulation.step()
+    ends = [simulation.record().plans for _ in range(2)]
+    assert halfway.time_step.tolist() == [0, 1, 2]
+    for end in ends:
+        assert end.time_step.tolist() == [0, 1, 2, 3, 4, 5]
+        np.testing.assert_array_equal(end.x[:3], halfway.x)
+        np.testing.assert_array_equal(end.x, ends[0].x)
+
+
 def test_arrays_of_a_scenario_cannot_be_written():
     with pytest.raises(ValueError, match="read-only"):
         two_lanes().obstacles.x[0, 0] = 1.0

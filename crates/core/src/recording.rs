@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::columns::{coded, table};
-use crate::trajectory::{Plans, State, States};
+use crate::trajectory::{PlanTable, Plans, State, States};
 
 /// How an agent ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,7 +130,7 @@ pub struct Recording {
     columns_max: usize,
     /// Earlier time steps were handed over.
     taken: i64,
-    plans: Vec<Plans>,
+    plans: PlanTable,
     /// Visibility intervals (first and last time step) by the ids of observer and seen participant.
     sightings: BTreeMap<(i64, i64), Vec<(i64, i64)>>,
     waits: BTreeMap<i64, Vec<Wait>>,
@@ -155,7 +155,7 @@ table! {
 impl Recording {
     /// Nothing recorded yet.
     pub fn new(ids: Vec<i64>, first_time_step: i64) -> Self {
-        let (columns, plans, sightings) = (VecDeque::new(), Vec::new(), BTreeMap::new());
+        let (columns, plans, sightings) = (VecDeque::new(), PlanTable::default(), BTreeMap::new());
         let (spare, waits, entries) = (Vec::new(), BTreeMap::new(), Vec::new());
         let (columns_max, taken) = (usize::MAX, first_time_step);
         Self { ids, first_time_step, columns, spare, columns_max, taken, plans, sightings, waits, entries }
@@ -195,7 +195,7 @@ impl Recording {
     /// Hands over the states since the last call, with the rows of the participants that were there, and the plans that led
     /// to them. From then on only the last `kept` time steps are there. The last time step, which may still change, is
     /// handed over only if it is the `end`.
-    pub(crate) fn take(&mut self, kept: usize, end: bool) -> (Vec<usize>, States, Vec<Plans>) {
+    pub(crate) fn take(&mut self, kept: usize, end: bool) -> (Vec<usize>, States, PlanTable) {
         let next = self.first_time_step + self.columns.len() as i64 - i64::from(!end);
         let skipped = (self.taken - self.first_time_step) as usize;
         let n_steps = (next - self.taken).max(0) as usize;
@@ -214,7 +214,7 @@ impl Recording {
             self.columns.pop_front();
             self.first_time_step += 1;
         }
-        (rows, states, std::mem::take(&mut self.plans))
+        (rows, states, self.take_plans())
     }
 
     /// More participants, with ids above all before; they were absent until now.
@@ -245,7 +245,7 @@ impl Recording {
     }
 
     /// Adds the plans that led to the next time step.
-    pub(crate) fn push_plans(&mut self, plans: Plans) {
+    pub(crate) fn push_plans(&mut self, plans: &Plans) {
         self.plans.push(plans);
     }
 
@@ -310,9 +310,14 @@ impl Recording {
         self.columns.len()
     }
 
-    /// All plans, by time step.
-    pub fn plans(&self) -> &[Plans] {
+    /// All plans.
+    pub fn plans(&self) -> &PlanTable {
         &self.plans
+    }
+
+    /// Hands over all plans until now.
+    pub(crate) fn take_plans(&mut self) -> PlanTable {
+        std::mem::take(&mut self.plans)
     }
 
     /// All states as a table of shape (participants, time steps).

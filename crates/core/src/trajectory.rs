@@ -1,8 +1,10 @@
 //! The tables of the field: arrays per field, rows sorted by participant id, a mask where something is absent.
 
+mod plan_table;
 mod plans;
 mod predictions;
 
+pub use plan_table::PlanTable;
 pub use plans::{Obstruction, PlanStatus, Plans, Trajectory};
 pub use predictions::Predictions;
 

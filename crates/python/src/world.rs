@@ -9,7 +9,7 @@ use interdrive_core::geometry::shape::Shape;
 use interdrive_core::plan::Planner;
 use interdrive_core::recording::{Entry, Outcome, Sighting, Wait};
 use interdrive_core::scene::{Participants, Scene};
-use interdrive_core::trajectory::{Obstruction, Plans, State, States};
+use interdrive_core::trajectory::{Obstruction, PlanTable, State, States};
 use interdrive_core::v2x::{Agreement, Logged, Row as Message};
 use interdrive_core::vehicle::ParticipantKind;
 use interdrive_core::world::{Agent, Clock, Outside, Queue, Step, World, WorldSettings};
@@ -109,9 +109,9 @@ impl PyAgent {
     }
 }
 
-/// The world, and the time spent in its phases [ns].
+/// The world, the time spent in its phases [ns], and its plans once they were handed over.
 #[pyclass(name = "World", module = "interdrive._core")]
-pub struct PyWorld(World, AtomicU64);
+pub struct PyWorld(World, AtomicU64, Option<Py<PyDict>>);
 
 impl PyWorld {
     /// Runs a phase with the interpreter released and adds its time to that of all phases.
@@ -168,7 +168,7 @@ impl PyWorld {
         };
         let scenario = Arc::clone(&scenario.0);
         let world = detached(py, || World::with_shared(scenario, agents, settings))?;
-        Ok(Self(world, AtomicU64::new(0)))
+        Ok(Self(world, AtomicU64::new(0), None))
     }
 
     fn scene(&self, py: Python<'_>) -> PyResult<PyScene> {
@@ -346,7 +346,7 @@ impl PyWorld {
         let (rows, states, plans) = self.0.take_recorded(end);
         let dict = states_dict(py, self.0.participants(), states, &rows)?;
         dict.set_item("row", arrays::row(py, rows.iter().map(|row| *row as i64).collect()))?;
-        Ok((dict, plans_dict(py, &plans)?))
+        Ok((dict, plans_dict(py, plans)?))
     }
 
     /// All participants as `states` gives them, without their states.
@@ -375,7 +375,18 @@ impl PyWorld {
 
     /// All plans as a dict of arrays, one row per time step and agent.
     fn plans<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        plans_dict(py, self.0.recording().plans())
+        match &self.2 {
+            Some(handed_over) => handed_over.bind(py).copy(),
+            None => plans_dict(py, self.0.recording().plans().clone()),
+        }
+    }
+
+    /// The same at the end of a run, without a copy of the points: the world forgets them.
+    fn hand_over_plans<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        if self.2.is_none() {
+            self.2 = Some(plans_dict(py, self.0.take_plans())?.unbind());
+        }
+        self.plans(py)
     }
 }
 
@@ -434,21 +445,16 @@ fn states_dict<'py>(
     Ok(dict)
 }
 
-/// Plans as a dict of arrays, one row per time step and agent.
-pub fn plans_dict<'py>(py: Python<'py>, plans: &[Plans]) -> PyResult<Bound<'py, PyDict>> {
-    let n_points = plans.iter().map(|p| p.n_points).max().unwrap_or(0);
-    let n_rows: usize = plans.iter().map(|p| p.ids.len()).sum();
+/// Plans as a dict of arrays, one row per time step and agent; the points are not copied.
+pub fn plans_dict<'py>(py: Python<'py>, plans: PlanTable) -> PyResult<Bound<'py, PyDict>> {
+    let shape = [plans.n_rows(), plans.n_points];
     let dict = PyDict::new(py);
-    dict.set_item("time_step", arrays::row(py, plans.iter().flat_map(|p| vec![p.time_step; p.ids.len()]).collect()))?;
-    dict.set_item("agent_id", arrays::row(py, plans.iter().flat_map(|p| p.ids.iter().copied()).collect()))?;
-    dict.set_item("status", arrays::row(py, plans.iter().flat_map(|p| p.status.iter().map(|s| *s as i64)).collect()))?;
-    dict.set_item("cost", arrays::row(py, plans.iter().flat_map(|p| p.cost.iter().copied()).collect()))?;
-    let mut obstructions: Vec<Option<&Obstruction>> = vec![None; n_rows];
-    let mut first = 0;
-    for table in plans {
-        table.obstructions.iter().for_each(|(row, obstruction)| obstructions[first + row] = Some(obstruction));
-        first += table.ids.len();
-    }
+    dict.set_item("time_step", arrays::row(py, plans.time_step))?;
+    dict.set_item("agent_id", arrays::row(py, plans.agent_id))?;
+    dict.set_item("status", arrays::row(py, plans.status.iter().map(|status| *status as i64).collect()))?;
+    dict.set_item("cost", arrays::row(py, plans.cost))?;
+    let mut obstructions: Vec<Option<&Obstruction>> = vec![None; shape[0]];
+    plans.obstructions.iter().for_each(|(row, obstruction)| obstructions[*row] = Some(obstruction));
     let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();
     dict.set_item("rejection", PyTuple::new(py, words)?)?;
     for (name, number) in [
@@ -459,23 +465,8 @@ pub fn plans_dict<'py>(py: Python<'py>, plans: &[Plans]) -> PyResult<Bound<'py, 
         let column = obstructions.iter().map(|o| o.map_or(f64::NAN, number)).collect();
         dict.set_item(name, arrays::row(py, column))?;
     }
-    type Field = fn(&State) -> f64;
-    let fields: [(&str, Field); 5] = [
-        ("x", |p| p.x),
-        ("y", |p| p.y),
-        ("orientation", |p| p.orientation),
-        ("velocity", |p| p.velocity),
-        ("acceleration", |p| p.acceleration),
-    ];
-    for (name, field) in fields {
-        let mut flat = Vec::with_capacity(n_rows * n_points);
-        for table in plans {
-            for row in 0..table.ids.len() {
-                flat.extend(table.row_points(row).iter().map(field));
-                flat.resize(flat.len() + n_points - table.n_points, f64::NAN);
-            }
-        }
-        dict.set_item(name, arrays::grid(py, flat, [n_rows, n_points])?)?;
+    for (name, column) in PlanTable::FIELDS.into_iter().zip(plans.points) {
+        dict.set_item(name, arrays::grid(py, column, shape)?)?;
     }
     Ok(dict)
 }

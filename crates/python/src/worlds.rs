@@ -356,7 +356,7 @@ impl PyWorlds {
 
     /// All plans of a world as a dict of arrays.
     fn plans<'py>(&self, py: Python<'py>, world: usize) -> PyResult<Bound<'py, PyDict>> {
-        plans_dict(py, self.worlds.world(world).map_err(exception)?.recording().plans())
+        plans_dict(py, self.worlds.world(world).map_err(exception)?.recording().plans().clone())
     }
 }
 

@@ -88,7 +88,7 @@ impl World {
                 let (agent, kind, Barrier { by, s: stop, .. }) = (order.id, order.kind as u8, barrier);
                 self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
             }
-            self.recording.push_plans(plans.clone());
+            self.recording.push_plans(plans);
         }
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);

@@ -39,7 +39,7 @@ use crate::route::Route;
 use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{OBSERVED_STEPS, Participants, Scene, ViewLimits};
-use crate::trajectory::{Plans, Predictions, State, States, Trajectory};
+use crate::trajectory::{PlanTable, Predictions, State, States, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use entry::Queue;
@@ -351,9 +351,14 @@ impl World {
     /// Hands over the states since the last call, with the rows of the participants that were there, and the plans that led
     /// to them; only as much of the past stays as agents look back. The present, which may still change, is handed over
     /// only if it is the `end`.
-    pub fn take_recorded(&mut self, end: bool) -> (Vec<usize>, States, Vec<Plans>) {
+    pub fn take_recorded(&mut self, end: bool) -> (Vec<usize>, States, PlanTable) {
         let kept = self.settings.step.history_at(self.scenario.dt).max(staging::HISTORY_MIN) + 1;
         self.recording.take(kept, end)
+    }
+
+    /// Hands over all plans until now, which the world forgets.
+    pub fn take_plans(&mut self) -> PlanTable {
+        self.recording.take_plans()
     }
 
     /// Agents in the order of their ids.

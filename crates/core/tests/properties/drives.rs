@@ -328,8 +328,7 @@ fn drive(mut source: Source, threads: usize) -> Option<Driven> {
         }
     }
     world.last_time_step();
-    let plans = world.recording().plans().iter().flat_map(|plans| &plans.status);
-    let n_planned = plans.filter(|status| **status == PlanStatus::Planned).count();
+    let n_planned = world.recording().plans().status.iter().filter(|status| **status == PlanStatus::Planned).count();
     Some(Driven { bits: bits(&world), failed, n_planned })
 }
 
@@ -384,11 +383,9 @@ fn bits(world: &World) -> Vec<u64> {
         .map(|value| value.to_bits())
         .collect();
     bits.extend(world.outcomes().flat_map(|outcome| [outcome.kind as u64, outcome.impact_speed.to_bits()]));
-    for plans in world.recording().plans() {
-        bits.extend(plans.cost.iter().map(|cost| cost.to_bits()));
-        bits.extend(plans.points.iter().flat_map(|point| [point.x.to_bits(), point.yaw_rate.to_bits()]));
-        bits.extend(plans.status.iter().map(|status| *status as u64));
-    }
+    let plans = world.recording().plans();
+    bits.extend(plans.cost.iter().chain(plans.points.iter().flatten()).map(|value| value.to_bits()));
+    bits.extend(plans.status.iter().map(|status| *status as u64));
     bits
 }
 

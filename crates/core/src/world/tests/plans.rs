@@ -23,7 +23,7 @@ fn all_move_at_once_agents_to_point_1_of_their_plans() {
         (states.n_steps, states.get(0, 0), states.get(0, 1)),
         (2, Some(at(20.0, 0.0, 10.0)), Some(at(20.9, 0.1, 9.5)))
     );
-    assert_eq!(world.recording().plans().len(), 1);
+    assert_eq!(world.recording().plans().n_rows(), 1);
     let running = outcome(&world, 1);
     assert_eq!((running.kind, running.time_step), (OutcomeKind::Running, 1));
 }
