@@ -125,6 +125,15 @@ def check(drives, seconds):
     return maps, vehicles, len(crossing)
 
 
+def road_of(file):
+    """What tells a road from others; the file itself where it cannot be read."""
+    try:
+        lanelets = idr.read_scenario(file).lanelets
+    except idr.InputError:
+        return str(file)
+    return b"".join(np.round(points, 3).tobytes() for side in (lanelets.left, lanelets.right) for points in side)
+
+
 def test_a_judge_of_entries_finds_what_is_wrong():
     run = idr.simulate(
         "highway", agents=0, traffic="idm,rate=900,duration=8", predictor="lane_following", settings=FAST, threads=1
@@ -157,7 +166,8 @@ def test_on_a_sample_of_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_fol
 
 @pytest.mark.recorded
 def test_on_all_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_folder):
-    """Each map with one of three seeds."""
-    files = sorted(scenarios_folder.rglob("*.xml"))
+    """Each road with one of three seeds: recordings of one place have the same road, and generated traffic is alone."""
+    by_road = {road_of(file): file for file in sorted(scenarios_folder.rglob("*.xml"))}
+    files = sorted(by_road.values())
     maps, _, _ = check([(file, 1 + place % 3) for place, file in enumerate(files)], seconds=20)
     assert maps > 0.8 * len(files)
