@@ -42,6 +42,52 @@ fn a_newcomer_is_absent_before_it_comes_and_after_it_has_left() {
 }
 
 #[test]
+fn what_was_before_newcomers_is_as_without_them() {
+    let drive = |comes: Option<i64>| {
+        let settings = WorldSettings { record_views: true, ..WorldSettings::default() };
+        let agents = vec![agent(1, at(20.0, 0.0, 10.0), vec![far()])];
+        let passes = Recorded::moving(5, (0..20).map(|i| Some(at(60.0 + 0.5 * f64::from(i), 3.5, 5.0))));
+        let mut world = world_with(agents, &[passes], settings);
+        let mut scenes = Vec::new();
+        for step in 0..8 {
+            scenes.push(world.scene());
+            let outside = match comes {
+                Some(first) if step + 1 == first => {
+                    driven(&[8, 9], &[(8, at(40.0, 3.5, 5.0)), (9, at(80.0, 3.5, 5.0))])
+                }
+                Some(first) if step + 1 > first => driven(&[], &[(9, at(80.0, 3.5, 5.0))]),
+                _ => Outside::default(),
+            };
+            go_on(&mut world, &outside).expect("a step");
+        }
+        (world, scenes)
+    };
+    let first = 5;
+    let ((with, scenes), (without, expected)) = (drive(Some(first)), drive(None));
+    // Scenes that somebody held while others came, and who is seen in them, as texts, since absent states are no numbers.
+    let seen = |scene: &Scene| {
+        let (visible, ids) = (scene.visible_from(0, &ViewLimits::default()), &scene.participants.ids);
+        format!("{ids:?} {:?} {visible:?} {:?}", scene.present, scene.past)
+    };
+    for (scene, expected) in scenes[..first as usize].iter().zip(&expected) {
+        assert_eq!(seen(scene), seen(expected));
+    }
+    assert_eq!(scenes[first as usize].participants.ids, [1, 5, 8, 9]);
+    assert_ne!(seen(&scenes[first as usize]), seen(&expected[first as usize]));
+    let (states, alone) = (with.recording().states(), without.recording().states());
+    for (row, step) in (0..2).flat_map(|row| (0..9).map(move |step| (row, step))) {
+        assert_eq!(states.get(row, step), alone.get(row, step), "row {row} at {step}");
+    }
+    let plans = |world: &World| format!("{:?}", world.recording().plans());
+    assert_eq!(plans(&with), plans(&without));
+    // The agent has seen those who were there for as long as without newcomers, and newcomers from then on.
+    let sightings = |world: &World| world.recording().sightings().map(|one| (one.seen, one.first, one.last)).collect();
+    let (found, before): (Vec<_>, Vec<_>) = (sightings(&with), sightings(&without));
+    assert_eq!(before, [(5, 0, 7)]);
+    assert_eq!(found, [(5, 0, 7), (8, first, first), (9, first, 7)]);
+}
+
+#[test]
 fn who_is_there_from_the_beginning_is_placed_before_the_first_step() {
     let mut world = alone();
     world.place_outside(&driven(&[9], &[(9, at(80.0, 3.5, 5.0))])).expect("before the first step");
