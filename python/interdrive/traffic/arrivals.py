@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _SIZES = {"car": (4.6, 0.3, 1.8, 0.08), "truck": (8.5, 1.5, 2.5, 0.0), "motorcycle": (2.2, 0.0, 0.8, 0.0)}
 #: Bounds of what drivers draw.
 _FACTORS, _GAPS = (0.6, 1.4), (0.8, 2.0)
+#: The centre of a vehicle that enters is so far into its lane [m]: half of the longest lorry, and a metre.
+ENTRY = 6.8
 
 
 class Driver(NamedTuple):
@@ -33,6 +35,31 @@ class Driver(NamedTuple):
     planner: int
     speed_factor: float
     time_gap: float | None
+
+
+class Wish(NamedTuple):
+    """A vehicle before it has a way.
+
+    Attributes:
+        lane: The lanelet by which it enters, or in which it is from the beginning.
+        number: Counts the vehicles of the lane.
+        due: When it wants to enter [s].
+        kind: "car", "truck" or "motorcycle".
+        length: [m]. width: [m].
+        driver: Who drives it.
+        s: Where its centre is in its lane [m].
+        speed: The most that it has there [m/s].
+    """
+
+    lane: int
+    number: int
+    due: float
+    kind: str
+    length: float
+    width: float
+    driver: Driver
+    s: float = ENTRY
+    speed: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from interdrive.errors import InputError
 from interdrive.traffic import draws
-from interdrive.traffic.arrivals import Driver, vehicles
+from interdrive.traffic.arrivals import Wish, vehicles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,23 +34,9 @@ _APART = 30.0
 _FIRM, _GENTLE = 4.0, 2.0
 
 
-class Filled(NamedTuple):
-    """A vehicle that is there from the beginning; `number` counts the vehicles of its lanelet."""
-
-    lane: int
-    number: int
-    due: float
-    kind: str
-    length: float
-    width: float
-    driver: Driver
-    s: float
-    speed: float
-
-
 def filled(
     graph: LaneGraph, settings: TrafficSettings, seed: int, density: float, occupied: Sequence[tuple[float, float]]
-) -> list[Filled]:
+) -> list[Wish]:
     """Vehicles for all lanes that can be filled.
 
     Args:
@@ -63,7 +49,7 @@ def filled(
     Raises:
         InputError: So many vehicles do not fit into a ring.
     """
-    found: list[Filled] = []
+    found: list[Wish] = []
     for chain in graph.chains():
         found += _chain(graph, chain, settings, seed, density, np.array(occupied).reshape(-1, 2))
     return found
@@ -71,7 +57,7 @@ def filled(
 
 def _chain(
     graph: LaneGraph, chain: Chain, settings: TrafficSettings, seed: int, density: float, occupied: Floats
-) -> list[Filled]:
+) -> list[Wish]:
     head = chain.lanelet_ids[0]
     spacing = 1000.0 / density
     most = round(chain.length / spacing) if chain.is_ring else math.ceil(chain.length / ((1.0 - _SPREAD) * spacing))
@@ -99,7 +85,7 @@ def _chain(
         graph, chain, places, own.length, [one.time_gap or _TIME_GAP for one in own.drivers], kept, is_exit=is_exit
     )
     starts = np.concatenate([[0.0], np.cumsum([graph.length[lane] for lane in chain.lanelet_ids])])
-    found: list[Filled] = []
+    found: list[Wish] = []
     for i in kept:
         s = float(places[i]) % chain.length
         at = min(int(np.searchsorted(starts, s, side="right")) - 1, len(chain.lanelet_ids) - 1)
@@ -113,7 +99,7 @@ def _chain(
         size = float(own.length[i]), float(own.width[i])
         factor = own.drivers[i].speed_factor
         speed = min(speeds[i], factor * graph.limit(lane))
-        found.append(Filled(lane, i, 0.0, own.kinds[i], *size, own.drivers[i], s, speed))
+        found.append(Wish(lane, i, 0.0, own.kinds[i], *size, own.drivers[i], s, speed))
     return found
 
 
@@ -144,9 +130,10 @@ def _speeds(
     limit = max(graph.limit(lane) for lane in chain.lanelet_ids)
     for place, i in reversed(list(enumerate(kept))):
         ahead = kept[place + 1] if place + 1 < len(kept) else kept[0] if chain.is_ring else -1
+        free = chain.length - places[i] - 0.5 * lengths[i]
+        most = math.inf if is_exit or chain.is_ring else math.sqrt(2.0 * _GENTLE * max(0.0, free))
         if ahead < 0 or len(kept) == 1:
-            free = chain.length - places[i] - 0.5 * lengths[i]
-            found[i] = limit if is_exit or chain.is_ring else math.sqrt(2.0 * _GENTLE * max(0.0, free))
+            found[i] = limit if math.isinf(most) else most
             continue
         distance = (places[ahead] - places[i]) % chain.length if chain.is_ring else places[ahead] - places[i]
         gap = float(distance - 0.5 * (lengths[i] + lengths[ahead]))
@@ -155,11 +142,7 @@ def _speeds(
             lead = found[ahead]
             firm = math.sqrt(_FIRM * _FIRM + lead * lead + 2.0 * _FIRM * max(0.0, gap - _GAP)) - _FIRM
             own = min(own, max(0.0, firm))
-        found[i] = (
-            own
-            if is_exit or chain.is_ring
-            else min(own, math.sqrt(2.0 * _GENTLE * max(0.0, chain.length - places[i] - 0.5 * lengths[i])))
-        )
+        found[i] = min(own, most)
     return found
 
 

@@ -12,9 +12,9 @@ from interdrive import _core
 from interdrive.errors import InputError
 from interdrive.scenario.known_goals import MapEnds
 from interdrive.scenario.limits import LARGEST_ID, MOST_STEPS
-from interdrive.traffic.arrivals import due_times, vehicles
+from interdrive.traffic.arrivals import Wish, due_times, vehicles
 from interdrive.traffic.filling import filled
-from interdrive.traffic.journeys import EntryRoutes, JourneyMaker, Wish
+from interdrive.traffic.journeys import EntryRoutes, JourneyMaker
 from interdrive.traffic.lanes import USUAL_LIMIT, LaneGraph
 
 if TYPE_CHECKING:
@@ -40,7 +40,6 @@ class Generated:
         due: When each wants to enter [s]; nan: it is there from the beginning.
         exit_ids: The last lanelet of each way.
         lengths: Of the ways [m].
-        entries: All lanelets by which vehicles enter.
     """
 
     agents: tuple[Agent, ...] = ()
@@ -49,7 +48,6 @@ class Generated:
     due: tuple[float, ...] = ()
     exit_ids: tuple[int, ...] = ()
     lengths: tuple[float, ...] = ()
-    entries: tuple[int, ...] = ()
 
     def allowed(self, step: S, scenario: Scenario) -> S:
         """Settings of steps that leave the traffic its time, unless they state a largest number of steps."""
@@ -122,7 +120,7 @@ class TrafficMaker:
             density = settings.rate / (3.6 * _usual_speed(graph))
         if density > 0.0:
             occupied = _occupied(scenario, others, first)
-            wishes += [Wish(*one) for one in filled(graph, settings, seed, density, occupied)]
+            wishes += filled(graph, settings, seed, density, occupied)
         n_filled = len(wishes)
         for lane, rate in self._rates.items():
             due = due_times(settings, seed, lane, rate)
@@ -148,7 +146,6 @@ class TrafficMaker:
             due=tuple(math.nan if place < n_filled else begin + wish.due for place, wish in enumerate(wishes)),
             exit_ids=tuple(int(agent.route.lanelet_ids[-1]) for agent, _ in made),
             lengths=tuple(length for _, length in made),
-            entries=tuple(self._rates),
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,19 +13,18 @@ from interdrive.scenario.known_goals import MapEnds, arrival
 from interdrive.scenario.model import KINDS, GoalState, InitialState
 from interdrive.scenario.shape import Shape
 from interdrive.traffic import draws
+from interdrive.traffic.arrivals import ENTRY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from interdrive.scenario.model import Scenario
-    from interdrive.traffic.arrivals import Driver
+    from interdrive.traffic.arrivals import Wish
     from interdrive.traffic.lanes import LaneGraph
     from interdrive.traffic.settings import TrafficSettings
 
 #: Lorries are no faster [m/s]: 90 km/h, Directive 92/6/EEC.
 _TRUCK_SPEED = 25.0
-#: The centre of a vehicle that enters is so far into its lane [m]: half of the longest lorry, and a metre.
-_ENTRY = 6.8
 #: Ways are no longer than this [m], and such a way ends in an area of this length [m].
 _WAY_MAX, _AREA = 3000.0, 20.0
 #: Length of the car whose route all share [m], and the largest number of routes that are kept.
@@ -39,21 +37,6 @@ _SWEEP = 0.5
 _BRAKING = 2.0
 #: ... bends are driven with this lateral acceleration [m/s²], and count so far ahead [m].
 _LATERAL, _AHEAD = 2.5, 150.0
-
-
-@dataclass(frozen=True)
-class Wish:
-    """A vehicle before it has a way: `s` is where its centre is in its lane [m], `speed` that there [m/s]."""
-
-    lane: int
-    number: int
-    due: float
-    kind: str
-    length: float
-    width: float
-    driver: Driver
-    s: float = _ENTRY
-    speed: float = math.inf
 
 
 class EntryRoutes:
@@ -73,7 +56,7 @@ class EntryRoutes:
         graph = self._graph
         speed = max(graph.limit(lane) for lane in lanes)
         goal = native_goal((arrival(_leaving(graph, self._ends, lanes[-1], _CAR, speed), 0, 2),), speed)
-        route = _core.Route.through(self._road, *graph.place(lanes[0], _ENTRY), speed, list(lanes), goal, user)
+        route = _core.Route.through(self._road, *graph.place(lanes[0], ENTRY), speed, list(lanes), goal, user)
         self._known[lanes, user] = route
         return route
 

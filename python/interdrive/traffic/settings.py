@@ -10,7 +10,7 @@ from interdrive.errors import InputError
 
 T = TypeVar("T", int, float)
 
-#: Largest rate of a lane that a headway allows [vehicles/h].
+#: An hour [s].
 _HOUR = 3600.0
 #: Kinds of generated vehicles, in the order of `TrafficSettings.mix`.
 MIXED = ("car", "truck", "motorcycle")
