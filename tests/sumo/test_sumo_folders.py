@@ -88,6 +88,22 @@ def moved_net(folder):
             "the net lies up to 800 m from the lanelets",
         ),
         (
+            lambda folder: edited(folder, "crossing.sumocfg", "crossing.net.xml", "crossing.net.xml,crossing.net.xml"),
+            "crossing.sumocfg: names 2 nets; give one as net-file",
+        ),
+        (
+            lambda folder: (folder / "crossing.net.xml").write_text("<routes/>"),
+            "crossing.net.xml: is no net of SUMO but <routes>; give what netconvert wrote",
+        ),
+        (
+            lambda folder: edited(folder, "crossing.net.xml", 'netOffset="0.00,0.00"', 'netOffset="nan,0.00"'),
+            "crossing.net.xml: netOffset is not 2 numbers",
+        ),
+        (
+            lambda folder: edited(folder, "crossing.net.xml", 'convBoundary="-120.00,', 'convBoundary="'),
+            "crossing.net.xml: convBoundary is not 4 numbers",
+        ),
+        (
             lambda folder: (folder / "second.sumo.cfg").write_text("<configuration/>"),
             "needs a configuration of SUMO (*.sumo.cfg), there are crossing.sumocfg, second.sumo.cfg",
         ),
@@ -146,6 +162,15 @@ def test_an_end_that_sumo_cannot_read_is_refused_by_sumo(crossing):
 @pytest.mark.parametrize("name", STATED)
 def test_the_steps_of_published_scenarios_end_them(published, name):
     assert idr.read_source(published / name).sumo.n_steps == STATED[name][1]
+
+
+def test_a_folder_without_planning_problems_says_how_to_drive_it(crossing):
+    text = (crossing / "crossing.cr.xml").read_text()
+    (crossing / "crossing.cr.xml").write_text(
+        re.sub("<planningProblem .*</planningProblem>", "", text, flags=re.DOTALL)
+    )
+    with pytest.raises(InputError, match="crossing: has no planning problems; with --agents 0 SUMO's vehicles drive"):
+        Simulation(crossing)
 
 
 def test_generated_traffic_is_refused_beside_it(crossing):

@@ -76,14 +76,17 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
                 raise InputError(f"{where}: names {name} ({option}), which is not there; put it there")
             data[name] = file.beside(name)
             _check_inside(SourceFile(path / name).document(), path / name)
-    if len(named.get("net-file", ())) != 1:
-        raise InputError(f"{where}: names no net; give net-file")
-    net = SourceFile(path / named["net-file"][0]).document()
+    nets = named.get("net-file", [])
+    if len(nets) != 1:
+        raise InputError(f"{where}: names {len(nets) or 'no'} net{'s' * (len(nets) > 1)}; give one as net-file")
+    net = SourceFile(path / nets[0]).document()
+    if net.tag != "net":
+        raise InputError(f"{path / nets[0]}: is no net of SUMO but <{net.tag[:40]}>; give what netconvert wrote")
     said, notes = _said(path, file)
     content = _with_own_ids(file.beside(roads), path / roads, notes)
     scenario = read_roads(content, str(path / roads), path / roads)
-    offset = _offset(net)
-    _check_place(scenario, net, offset, path / named["net-file"][0])
+    offset = _place(net, "netOffset", 2, path / nets[0]) or (0.0, 0.0)
+    _check_place(scenario, net, offset, path / nets[0])
     notes.append(f"SUMO drives the traffic, by {config}")
     moving = int((~scenario.obstacles.is_static).sum())
     if moving:
@@ -96,7 +99,7 @@ def read_sumo_folder(path: Path, read_roads: Callable[[bytes, str, Path], Scenar
         presimulation_steps=_whole(said, "presimulation_steps", 0),
         n_steps=_n_steps(document, said, scenario.dt),
         lateral_resolution=_sublanes(document, said),
-        offset=offset,
+        offset=(offset[0], offset[1]),
     )
     hashes = dict(file.files)
     first = {roads: hashes.pop(roads)}
@@ -249,16 +252,28 @@ def _delta(document: Element, said: dict[str, Any], dt: float, where: Path) -> i
     return round(steps)
 
 
-def _offset(net: Element) -> tuple[float, float]:
+def _place(net: Element, name: str, count: int, where: Path) -> tuple[float, ...] | None:
+    """Numbers that say where a net lies; None where it does not say so.
+
+    Raises:
+        InputError: They are no such numbers.
+    """
     location = net.find("location")
-    x, y = _numbers("" if location is None else location.get("netOffset", ""), 2) or (0.0, 0.0)
-    return x, y
+    text = None if location is None else location.get(name)
+    if text is None:
+        return None
+    try:
+        found = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        found = ()
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise InputError(f"{where}: {name} is not {count} numbers; correct it")
+    return found
 
 
-def _check_place(scenario: Scenario, net: Element, offset: tuple[float, float], where: Path) -> None:
+def _check_place(scenario: Scenario, net: Element, offset: tuple[float, ...], where: Path) -> None:
     """Raises InputError if net and lanelets lie elsewhere."""
-    location = net.find("location")
-    box = _numbers("" if location is None else location.get("convBoundary", ""), 4)
+    box = _place(net, "convBoundary", 4, where)
     if box is None or not len(scenario.lanelets.ids):
         return
     points = np.concatenate([*scenario.lanelets.left, *scenario.lanelets.right])
@@ -267,11 +282,3 @@ def _check_place(scenario: Scenario, net: Element, offset: tuple[float, float], 
     apart = max(abs(a - b) for a, b in zip(own, there, strict=True))
     if apart > _APART:
         raise InputError(f"{where}: the net lies up to {apart:.0f} m from the lanelets; give files of one scenario")
-
-
-def _numbers(text: str, count: int) -> tuple[float, ...] | None:
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        return None
-    return found if len(found) == count and all(np.isfinite(found)) else None

@@ -144,6 +144,8 @@ def select(
                 if spare:
                     chosen.append(spare[0])
                     waiting.append(spare[0])
+    if not built and not scenario.planning_problems and scenario.sumo is not None:
+        raise InputError(f"{scenario.name}: has no planning problems; with --agents 0 SUMO's vehicles drive alone")
     if not built and not scenario.planning_problems and not len(scenario.obstacles.ids):
         raise InputError(f"{scenario.name}: has no traffic; a map can be run once it has vehicles or planning problems")
     if not built:
