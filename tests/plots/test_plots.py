@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from invented_run import invented_run
+from matplotlib.colors import to_hex
 from PIL import Image
 from work import calls_in
 
@@ -18,11 +19,13 @@ from interdrive.errors import InputError, MissingExtraError, ResultsError
 from interdrive.plots import animate_run, check_animation, draw_run, save_figure
 from interdrive.plots.frames import Stage
 from interdrive.plots.road import road_artists
-from interdrive.plots.style import OUTCOME_MARKS
+from interdrive.plots.style import OUTCOME_MARKS, STATIC, TRAFFIC
 from interdrive.plots.vehicles import outlines
 from interdrive.plots.view import View, view_of
 from interdrive.run import OUTCOMES
+from interdrive.run.assemble import recorded_traffic
 from interdrive.scenario import Shape
+from interdrive.testing import Car, straight_road, world
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +106,16 @@ def test_every_outcome_has_its_own_marker_and_colour():
 
 def test_a_still_without_agents_shows_the_recorded_traffic(run):
     figure = draw_run(without_agents(run))
-    assert [text.get_text() for text in figure.legends[0].get_texts()][-1] == "recorded traffic"
+    assert "recorded traffic" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("standing", [(False, False), (False, True), (True, True)])
+def test_a_legend_tells_what_moves_from_what_never_does(standing):
+    recorded = recorded_traffic(world(straight_road(200.0, 1), cars=[Car(1, 20.0), Car(2, 60.0)], steps=10))
+    figure = draw_run(replace(recorded, states=replace(recorded.states, is_static=np.array(standing))))
+    found = [(one.get_label(), to_hex(one.get_facecolor())) for one in figure.legends[0].legend_handles]
+    moving = [("recorded traffic", TRAFFIC)] * (not all(standing))
+    assert found == moving + [("static obstacles", STATIC)] * any(standing)
 
 
 def test_a_still_that_cannot_be_written_is_refused_in_one_line(run, tmp_path):

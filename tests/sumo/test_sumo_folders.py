@@ -84,6 +84,10 @@ def moved_net(folder):
             "step-length 0.03 s does not divide the time step of 0.1 s",
         ),
         (
+            lambda folder: edited(folder, "crossing.sumocfg", 'step-length value="0.1"', 'step-length value="0.0125"'),
+            "crossing.sumocfg: SUMO rounds its steps of 12.5 ms to whole ones; change their length",
+        ),
+        (
             lambda folder: edited(folder, "crossing.net.xml", 'convBoundary="-120', 'convBoundary="-920'),
             "the net lies up to 800 m from the lanelets",
         ),

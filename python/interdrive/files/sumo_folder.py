@@ -238,17 +238,21 @@ def _delta(document: Element, said: dict[str, Any], dt: float, where: Path) -> i
     """Steps of SUMO per time step.
 
     Raises:
-        InputError: They do not make up a time step.
+        InputError: They do not make up a time step, or SUMO would round their length.
     """
     if "delta_steps" in said:
-        return max(1, _whole(said, "delta_steps", 1))
-    stated = next(document.iter("step-length"), None)
-    length = dt if stated is None else _number(document, "step-length")
-    if length is None:
-        raise InputError(f"{where}: step-length is no number; correct it")
-    steps = dt / length if length else 0.0
-    if steps < 1.0 - _ROUNDING or abs(steps - round(steps)) > _ROUNDING * steps:
-        raise InputError(f"{where}: step-length {length:g} s does not divide the time step of {dt:g} s; change it")
+        steps = float(max(1, _whole(said, "delta_steps", 1)))
+    else:
+        stated = next(document.iter("step-length"), None)
+        length = dt if stated is None else _number(document, "step-length")
+        if length is None:
+            raise InputError(f"{where}: step-length is no number; correct it")
+        steps = dt / length if length else 0.0
+        if steps < 1.0 - _ROUNDING or abs(steps - round(steps)) > _ROUNDING * steps:
+            raise InputError(f"{where}: step-length {length:g} s does not divide the time step of {dt:g} s; change it")
+    milliseconds = 1000.0 * dt / round(steps)
+    if round(milliseconds) < 1 or abs(milliseconds - round(milliseconds)) > _ROUNDING * milliseconds:
+        raise InputError(f"{where}: SUMO rounds its steps of {milliseconds:g} ms to whole ones; change their length")
     return round(steps)
 
 

@@ -16,12 +16,11 @@ from interdrive.plots.road import road_artists
 from interdrive.plots.style import (
     INK,
     OUTCOME_MARKS,
-    RECORDED,
     RECORDED_EDGE,
     STATIC,
     TRAFFIC,
     agent_colors,
-    others_name,
+    others_named,
 )
 from interdrive.plots.trajectories import plan_points
 from interdrive.plots.vehicles import Footprints, goal_outlines
@@ -204,7 +203,7 @@ class Stage:
         draw.line((0, 0, self.size[0], 0), fill="#cccccc")
         middle, x = _STRIP // 2 + 1, 12
         agents = list(self.colors.values())[:4] or [INK]
-        named = [([RECORDED], others_name(self.run))] if (~self.run.states.is_agent).any() else []
+        named = [([color], name) for name, color in others_named(self.run)]
         if self.run.agents:
             named.append((agents, "agents and their plans"))
         for colors, text in named:

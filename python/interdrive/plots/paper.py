@@ -107,7 +107,7 @@ def draw_trajectories(run: RunRecord, agents: Sequence[int] | None = None, *, co
     )
     states = replace(run.states, is_agent=run.states.is_agent & np.isin(run.states.participant_id, shown))
     some = replace(run, states=states, outcomes=outcomes, agents=tuple(a for a in run.agents if a.id in shown))
-    others = "recorded traffic" if len(shown) == len(run.agents) else "other vehicles"
+    others = None if len(shown) == len(run.agents) else "other vehicles"
     return draw_run(some, width_mm=WIDTHS[columns], others=others)
 
 

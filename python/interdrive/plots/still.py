@@ -29,7 +29,7 @@ from interdrive.plots.style import (
     empty_figure,
     mark_handles,
     mark_style,
-    others_name,
+    others_named,
 )
 from interdrive.plots.trajectories import track
 from interdrive.plots.vehicles import Footprints, goal_outlines
@@ -69,7 +69,7 @@ def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str | None = No
     Args:
         run: Finished or interrupted.
         width_mm: Width of the figure on paper [mm].
-        others: Name in the legend of vehicles that are not agents; None: recorded traffic, or vehicles of SUMO.
+        others: Name in the legend of what moves and is no agent; None: recorded traffic, or vehicles of SUMO.
         view: What is shown; None: where the agents move.
 
     Returns:
@@ -77,7 +77,7 @@ def draw_run(run: RunRecord, *, width_mm: float = 180.0, others: str | None = No
     """
     width = width_mm * MM
     view = (view or view_of(run)).shaped(0.2, _ASPECT_MAX)
-    handles = _legend_handles(run, others or others_name(run))
+    handles = _legend_handles(run, others)
     columns, bar_row = (4, 0.0) if width > _NARROW else (3, 6.0 * MM)
     rows = -(-len(handles) // columns)
     strip = _STRIP + _STRIP_ROW * (rows if bar_row else max(2, rows)) + bar_row
@@ -249,15 +249,14 @@ def _free_corners(run: RunRecord, view: View) -> list[Floats]:
     return sorted(corners, key=lambda corner: int((np.abs(crowd - corner) < reach).all(axis=1).sum()))
 
 
-def _legend_handles(run: RunRecord, others: str) -> list[Any]:
+def _legend_handles(run: RunRecord, others: str | None) -> list[Any]:
     handles: list[Any] = list(mark_handles(run.outcomes.outcome, count=True))
     if run.agents:
         handles.append(Line2D([], [], ls="", marker="o", ms=2.6, mfc="white", mec=INK, mew=0.6, label="start"))
     if any(agent.goal_areas for agent in run.agents):
         handles.append(Patch(fc=_GOAL_FILL, ec=GOAL, lw=0.4, ls=_GOAL_DASHES, label="goal area"))
-    if (~run.states.is_agent).any():
-        handles.append(Patch(fc=TRAFFIC, ec=RECORDED_EDGE, lw=0.3, label=others))
-    return handles
+    named = others_named(run, others)
+    return handles + [Patch(fc=color, ec=RECORDED_EDGE, lw=0.3, label=name) for name, color in named]
 
 
 def _draw_color_bar(figure: Figure, times: Normalize, bottom: float) -> None:

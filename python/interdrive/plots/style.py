@@ -93,9 +93,17 @@ def agent_colors(run: RunRecord) -> dict[int, str]:
     return {agent.id: AGENTS[index % len(AGENTS)] for index, agent in enumerate(run.agents)}
 
 
-def others_name(run: RunRecord) -> str:
-    """What participants that are not agents are called."""
-    return "recorded traffic" if run.sumo is None else "vehicles of SUMO"
+def others_named(run: RunRecord, moving: str | None = None) -> list[tuple[str, str]]:
+    """What participants that are not agents are called, with their colours: those that move, and those that never do.
+
+    Args:
+        run: The run.
+        moving: What those that move are called; None: recorded traffic, or vehicles of SUMO.
+    """
+    others, stand = ~run.states.is_agent, run.states.is_static
+    usual = "recorded traffic" if run.sumo is None else "vehicles of SUMO"
+    found = [(moving or usual, TRAFFIC)] if (others & ~stand).any() else []
+    return [*found, ("static obstacles", STATIC)] if (others & stand).any() else found
 
 
 def pair_colors(runs: Sequence[RunRecord], pair: tuple[int, int]) -> tuple[str, str]:
