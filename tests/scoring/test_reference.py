@@ -24,7 +24,7 @@ SHIPPED = [
         "dev",
         ("fiss", "frenet", "frenetix", "idm", "idm_mobil", "lawful", "pdm", "reactive", "recorded", "rollout"),
     ),
-    ("public-1", "test", ("frenet", "idm", "idm_mobil", "recorded", "rollout")),
+    ("public-1", "test", ("frenet", "idm", "idm_mobil", "lawful", "pdm", "recorded", "rollout")),
 ]
 
 
