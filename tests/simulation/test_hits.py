@@ -127,6 +127,23 @@ def test_who_hits_an_agent_ends_even_if_it_is_hit_at_the_same_time():
     }
 
 
+@pytest.mark.parametrize("hitter", ["recorded", "agent"])
+def test_all_whom_one_vehicle_hits_at_the_same_time_drive_on(hitter):
+    beside = [
+        problem(number, 84.0, y, 0.0, goal=(300.0, 0.0), time_step=(0, 100)) for number, y in ((101, 1), (102, -1))
+    ]
+    if hitter == "agent":
+        beside.append(problem(103, 40.0, 0.0, 20.0, goal=(300.0, 0.0), time_step=(0, 100)))
+    scenario = road(*[Car(7, 40.0, velocity=20.0)] * (hitter == "recorded"), x=300.0, others=beside)
+    planners = {100: Stand, 101: Stand, 102: Stand, 103: Straight}
+    run = drive(scenario, {one: planner for one, planner in planners.items() if one != 103 or hitter == "agent"})
+    by = 103 if hitter == "agent" else 7
+    assert run.hits.agent_id.tolist() == [101, 102]
+    assert run.hits.by_id.tolist() == [by, by]
+    assert run.outcomes.outcome[:3] == ("time_limit",) * 3
+    assert run.outcomes.outcome[3:] == ("collision",) * (hitter == "agent")
+
+
 @pytest.mark.parametrize("change", [{"threads": 4}, {"settings": {**DRIVES_ON, "record.violations": False}}])
 def test_neither_threads_nor_what_is_recorded_changes_a_bit(change):
     scenario = road(*FROM_BEHIND)

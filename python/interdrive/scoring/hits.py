@@ -38,7 +38,7 @@ def hits_among(run: RunRecord, ended: Iterable[int]) -> list[Hit]:
     """Agents of a run, of these that have just ended, that another vehicle hit without their fault.
 
     They are judged in the order of their ids, from what has happened until now. Who hits one of them is not among
-    them, even if another vehicle hit it at the same time: it ends.
+    them, even if another vehicle hit it at the same time: it ends. One vehicle may hit several of them.
     """
     outcomes, states = run.outcomes, run.states
     rows = {number: row for row, number in enumerate(states.participant_id.tolist())}
@@ -46,16 +46,14 @@ def hits_among(run: RunRecord, ended: Iterable[int]) -> list[Hit]:
     simulated = traffic(site_of(run, run.settings.get("settings") or {}), run)
     judged = verdicts(run, simulated, wanted, ScoringSettings())
     found: list[Hit] = []
-    gone: set[int] = set()
     for number in wanted:
         verdict = judged.get(number)
-        if verdict is None or verdict.kind or number in gone:
+        if verdict is None or verdict.kind or any(hit.by_id == number for hit in found):
             continue
         place = int(np.searchsorted(outcomes.agent_id, number))
         by = int(outcomes.partner_id[place])
-        if by in gone or states.is_static[rows[by]] or states.kinds[rows[by]] not in DRIVABLE_KINDS:
+        if states.is_static[rows[by]] or states.kinds[rows[by]] not in DRIVABLE_KINDS:
             continue
-        gone.add(by)
         found = [hit for hit in found if hit.agent_id != by]
         impact = float(outcomes.impact_speed[place])
         found.append(Hit(number, by, int(outcomes.time_step[place]), impact, verdict.collision_type))
