@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from interdrive import read_batch, read_scenario
+from interdrive import join, read_batch, read_scenario
 from interdrive.cli import main
 
 
@@ -15,8 +15,8 @@ def invoke(*words):
     return CliRunner().invoke(main, [str(word) for word in words])
 
 
-def recorded(first, last, offset=0.0):
-    """Three cars at 10.5 m/s along x from step `first` to step `last`, whose headings are off by an angle [degrees]."""
+def recorded(first, last, offset=0.0, places=((30, 0.0), (31, 3.5), (32, 7.0))):
+    """Cars at 10.5 m/s along x from step `first` to step `last`, whose headings are off by an angle [degrees]."""
     heading = -np.radians(offset)
 
     def at(step, y, **more):
@@ -28,7 +28,7 @@ def recorded(first, last, offset=0.0):
             cr.state(0, **at(first, y, acceleration=0.0, yawRate=0.0), tag="initialState"),
             [cr.state(step - first, **at(step, y)) for step in range(first + 1, last + 1)],
         )
-        for number, y in ((30, 0.0), (31, 3.5), (32, 7.0))
+        for number, y in places
     )
     return cr.document(cars, lanelets=cr.lanelet(1, left=((0, 10), (300, 10)), right=((0, -2), (300, -2))))
 
@@ -80,6 +80,17 @@ def test_join_writes_the_part_of_the_whole_that_is_asked_for(windows, tmp_path):
     found = read_scenario(tmp_path / "part.xml")
     assert found.obstacles.n_steps == 20
     assert found.obstacles.x[0, [0, -1]] == pytest.approx([5.0 + 1.05 * 50, 5.0 + 1.05 * 69])
+
+
+def test_only_who_overlaps_in_a_part_is_told(tmp_path):
+    windows = [
+        cr.saved(tmp_path, recorded(first, last, places=places), f"road_{first}_T-{last}.xml")
+        for first, last, places in ((0, 59, ((30, 0.0), (31, 1.0))), (60, 119, ((30, 0.0),)))
+    ]
+    whole, part = join(windows), join(windows, first=60, last=119)
+    assert whole.overlaps == ((30, 31),)
+    assert part.overlaps == ()
+    assert [any("overlap" in note for note in one.notes) for one in (whole, part)] == [True, False]
 
 
 @pytest.mark.parametrize("part", [("--first", 119), ("--last", 120), ("--last", 0), ("--first", 60, "--last", 50)])

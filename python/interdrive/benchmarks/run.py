@@ -255,6 +255,7 @@ def _save(found: Benchmark, chosen: BenchmarkSet) -> None:
         "missing": list(found.missing),
         "command": found.command,
         "panel": found.panel,
+        "notes": list(found.notes),
         "traffic": list(found.traffic),
         "counted": list(found.counted),
         "ranking": None if found.ranking is None else found.ranking.plain(),

@@ -27,7 +27,7 @@ from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
 from interdrive.files.sources import SourceFile, recognised, scenario_of
 from interdrive.files.sumo_folder import is_sumo_folder, read_sumo_folder
-from interdrive.recordings import joined, part_of, repaired
+from interdrive.recordings import joined, part_of, repaired, with_overlaps
 from interdrive.scenario import OptionValue, Scenario, SourceOptions
 from interdrive.scenario.limits import require_scenario
 
@@ -352,6 +352,10 @@ def join(
     if not begins <= start < end <= ends:
         raise InputError(f"join: no part from time step {start} to {end}; the whole has {begins} to {ends}")
     part = part_of(whole, start, end + 1)
+    # Who overlaps in the part, not in the whole, whose last note says so.
+    notes = whole.notes[:-1] if whole.overlaps else whole.notes
+    part = dataclasses.replace(part, overlaps=(), notes=notes)
+    part = part if raw else with_overlaps(part)
     name = whole.name.removesuffix(f"_{whole.name.split('_')[-2]}_T-{ends}") + f"_{start}_T-{end}"
     said = f"time steps {start} to {end} of the whole, which has {begins} to {ends}: they are 0 to {end - start} here"
-    return dataclasses.replace(part, name=name, benchmark_id=name, notes=(*whole.notes, said))
+    return dataclasses.replace(part, name=name, benchmark_id=name, notes=(*part.notes, said))

@@ -2,7 +2,7 @@
 
 from interdrive.recordings.headings import HeadingOffset, heading_offset, turned
 from interdrive.recordings.overlaps import overlapping, overlapping_at_first
-from interdrive.recordings.repair import repaired
+from interdrive.recordings.repair import repaired, with_overlaps
 from interdrive.recordings.windows import joined, part_of
 
 __all__ = [
@@ -14,4 +14,5 @@ __all__ = [
     "part_of",
     "repaired",
     "turned",
+    "with_overlaps",
 ]
