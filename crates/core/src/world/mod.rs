@@ -3,12 +3,14 @@
 
 mod advance;
 mod cooperation;
+mod encounter;
 mod entry;
 mod ordering;
 mod outside;
 mod people;
 mod narrow_places;
 mod planning;
+mod queues;
 mod settings;
 mod staging;
 mod standstill;
@@ -42,8 +44,8 @@ use crate::scene::{OBSERVED_STEPS, Participants, Scene, ViewLimits};
 use crate::trajectory::{PlanTable, Predictions, State, States, Trajectory};
 use crate::v2x::Network;
 use crate::vehicle::{ParticipantKind, Vehicle};
-pub use entry::Queue;
 pub use outside::Outside;
+pub use queues::Queue;
 pub use settings::{Clock, StepSettings, WorldSettings};
 pub(crate) use staging::StagedAgent;
 pub(crate) use staging::{check_agents, check_delays, staged};
