@@ -212,12 +212,11 @@ impl PyView {
         orientation: PyReadonlyArray1<'_, f64>,
     ) -> PyResult<bool> {
         let vehicle = &self.agent.vehicle;
-        let mut scratch = Vec::new();
         let footprint = |pose: &Pose| OrientedBox::new(*pose, vehicle.length, vehicle.width);
         Ok(self
             .poses(&x, &y, &orientation)?
             .windows(2)
-            .all(|pair| self.road.admits_motion(vehicle, &footprint(&pair[0]), &footprint(&pair[1]), &mut scratch)))
+            .all(|pair| self.road.admits_motion(vehicle, &footprint(&pair[0]), &footprint(&pair[1]))))
     }
 
     /// The first contact along a drive that begins now with another participant in its most probable mode.

@@ -17,7 +17,7 @@ use crate::conduct::{STATIONARY_SPEED, could_stop};
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, wrap_angle};
 use path_interval::{
-    OUTSIDE, PathInterval, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
+    OUTSIDE, PathInterval, Placed, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
 };
 
 /// Modes with at least this probability count, and the most probable one.
@@ -95,24 +95,40 @@ pub(super) struct Conflicts {
     n_points: usize,
     dt: f64,
     barriers: Barriers,
+    /// Where participants are beside the path, shape (others, modes, points), as far as the present plan has looked.
+    placed: Vec<Placed>,
+    plan: u64,
 }
 
 impl Conflicts {
     /// Projects all participants of the request onto the path, beside its barriers. Claims that begin later do not count
     /// until `decide`.
     pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, barriers: Barriers) {
+        self.plan += 1;
+        let n_places = request.others.len() * request.predictions.n_modes * n_points;
+        if self.placed.len() < n_places {
+            self.placed.resize(n_places, Placed::NEVER);
+        }
+        self.collect_again(request, ego, n_points, barriers);
+    }
+
+    /// The same for the same request and another target.
+    pub(super) fn collect_again(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, barriers: Barriers) {
         self.intervals.clear();
         self.occupancies.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
         self.barriers = barriers;
         let region = Region::new(ego);
+        let mut placed = std::mem::take(&mut self.placed);
+        let n_places = request.predictions.n_modes * n_points;
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
                 self.add_static(request, index, other, ego, &region);
             } else {
-                self.add_moving(request, index, other, ego, &region);
+                self.add_moving(request, (index, other), ego, &region, &mut placed[index * n_places..][..n_places]);
             }
         }
+        self.placed = placed;
     }
 
     fn add_static(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
@@ -135,7 +151,14 @@ impl Conflicts {
         self.push_occupancies(ego, row, (index, other), (0, true));
     }
 
-    fn add_moving(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
+    fn add_moving(
+        &mut self,
+        request: &PlanRequest,
+        (index, other): (usize, &Other),
+        ego: &Ego,
+        region: &Region,
+        placed: &mut [Placed],
+    ) {
         let predictions = request.predictions;
         let Ok(shift) = usize::try_from(request.time_step - predictions.time_step) else { return };
         let region = region.grown(other.shape.bounding_radius());
@@ -148,17 +171,18 @@ impl Conflicts {
             }
             let start = predictions.offset(other.row, mode) + shift;
             let n_known = predictions.n_steps.saturating_sub(shift);
-            let predicted = PredictedMode { request, other, ego, region, start, n_known, dt: self.dt };
-            let now = *now.get_or_insert_with(|| predicted.at(0, None));
+            let predicted = PredictedMode { request, other, ego, region, start, n_known, dt: self.dt, plan: self.plan };
+            let placed = &mut placed[mode * self.n_points..][..self.n_points];
+            let now = *now.get_or_insert_with(|| predicted.at(0, None, placed));
             if now.interval.is_some_and(|interval| is_follower(ego, &interval)) {
                 return;
             }
             let (row, last) = (self.intervals.len(), self.n_points - 1);
             self.intervals.resize(row + self.n_points, OUTSIDE);
             self.put(row, &now);
-            let end = predicted.at(last, now.foot);
+            let end = predicted.at(last, now.foot, placed);
             self.put(row + last, &end);
-            self.fill(&predicted, row, (0, now), (last, end));
+            self.fill(&predicted, row, (0, now), (last, end), placed);
             if self.intervals[row..].iter().any(|interval| interval.inside) {
                 let likely = *probability >= JOINING_PROBABILITY || *probability >= largest;
                 self.push_occupancies(ego, row, (index, other), (mode, likely));
@@ -179,6 +203,7 @@ impl Conflicts {
         row: usize,
         (a, before): (usize, Projection),
         (b, after): (usize, Projection),
+        placed: &mut [Placed],
     ) {
         if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &predicted.region) {
             return;
@@ -194,10 +219,10 @@ impl Conflicts {
             return;
         }
         let middle = usize::midpoint(a, b);
-        let projection = predicted.at(middle, before.foot);
+        let projection = predicted.at(middle, before.foot, placed);
         self.put(row + middle, &projection);
-        self.fill(predicted, row, (a, before), (middle, projection));
-        self.fill(predicted, row, (middle, projection), (b, after));
+        self.fill(predicted, row, (a, before), (middle, projection), placed);
+        self.fill(predicted, row, (middle, projection), (b, after), placed);
     }
 
     /// Splits the intervals from `row` on into occupancies.

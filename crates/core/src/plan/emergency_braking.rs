@@ -31,21 +31,21 @@ const AIM_TIME: f64 = 0.7;
 const AIM_DISTANCE: f64 = 4.0;
 
 /// What an agent does if there is nothing to choose from.
-pub(super) fn without_plan(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
+pub(super) fn without_plan(request: &PlanRequest, n_points: usize, reason: &str) -> PlanResult {
     if request.state.is_finite() {
         let obstruction = Some(Obstruction::nowhere(reason));
-        PlanResult { obstruction, ..last_resort(request, n_points, road, reason) }
+        PlanResult { obstruction, ..last_resort(request, n_points, reason) }
     } else {
         refuse(request, n_points, reason.into())
     }
 }
 
 /// Standing still or full braking.
-pub(super) fn last_resort(request: &PlanRequest, n_points: usize, road: &mut Vec<u32>, reason: &str) -> PlanResult {
+pub(super) fn last_resort(request: &PlanRequest, n_points: usize, reason: &str) -> PlanResult {
     if request.state.velocity.abs() <= STANDSTILL_SPEED {
         stay(request, n_points)
     } else {
-        brake(request, n_points, road, reason)
+        brake(request, n_points, reason)
     }
 }
 
@@ -65,12 +65,12 @@ pub(super) fn refuse(request: &PlanRequest, n_points: usize, message: String) ->
 }
 
 /// Full braking along the previous plan's path or an arc. `reason` says why there is no better plan.
-pub(super) fn brake(request: &PlanRequest, n_points: usize, scratch: &mut Vec<u32>, reason: &str) -> PlanResult {
+pub(super) fn brake(request: &PlanRequest, n_points: usize, reason: &str) -> PlanResult {
     let mut first = None;
     let arcs = curvatures(request).into_iter().map(|curvature| towards_arc(request, n_points, curvature));
     let steered = along_previous(request, n_points).into_iter().chain(towards_path(request, n_points));
     for points in steered.chain(arcs) {
-        if stays_on_road(request, &points, scratch) {
+        if stays_on_road(request, &points) {
             return PlanResult::braking(Trajectory { points });
         }
         first = first.or(Some(points));
@@ -91,13 +91,13 @@ fn curvatures(request: &PlanRequest) -> Vec<f64> {
 }
 
 /// The footprint stays on the road once it is fully on it.
-fn stays_on_road(request: &PlanRequest, points: &[State], scratch: &mut Vec<u32>) -> bool {
+fn stays_on_road(request: &PlanRequest, points: &[State]) -> bool {
     let (length, width) = (request.vehicle.length, request.vehicle.width);
     let mut was_on_road = request.was_on_road;
     points.iter().all(|point| {
         let footprint = OrientedBox::new(point.pose(), length, width);
-        let stays = !was_on_road || request.road.admits_box(request.vehicle, &footprint, scratch);
-        was_on_road = was_on_road || request.road.box_is_covered(&footprint, scratch);
+        let stays = !was_on_road || request.road.admits_box(request.vehicle, &footprint);
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint);
         stays
     })
 }

@@ -106,7 +106,7 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
     // Recorded initial yaw rates are noisy; all later ones come from a plan.
     let start = match Start::new(request, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
     let wish = settings.goal_velocity(request, &start);
     let limit = |s: f64| request.rules.way.limits.at(s);
@@ -159,7 +159,7 @@ pub(super) fn follow_path(
     let path = &request.route.path;
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego { target: place.0, ..Ego::new(request, path, (start.s, start.velocity, start.d), place.1) };
-    let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
+    let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(request.rules.way, start.s));
     let cornering = request.vehicle.cornering(lateral_acceleration);
     speed_profile.fill_below(path, limit, (start.s, ego.reach), cornering, law.deceleration);
@@ -177,8 +177,8 @@ pub(super) fn follow_path(
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
     conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
-    match path_motion::trajectory_on_road(request, path, &start, motions, place, road) {
+    match path_motion::trajectory_on_road(request, path, &start, motions, place) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
-        None => refused(request, memory, "its path bends too tightly where it is"),
+        None => refused(request, "its path bends too tightly where it is"),
     }
 }

@@ -42,7 +42,7 @@ settings! {
 pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mut PlanningMemory) -> PlanResult {
     let start = match Start::new(request, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
     let lawful = lawful_velocity(request);
     let v_max = request.vehicle.velocity_max;

@@ -84,14 +84,14 @@ pub(super) fn plan(
         Err(_) => request.state.velocity.max(0.0).min(settings.idm.desired_velocity_max),
     };
     let Some(aim) = lanes.aimed_at(request, 0.0) else {
-        return refused(request, memory, "the agent is on none of its lanes");
+        return refused(request, "the agent is on none of its lanes");
     };
     let chosen = choose(request, settings, lanes, aim, wish);
     let yields_to = leader_beside(request, settings, lanes, chosen);
     let lane = &lanes.lanes[chosen.lane];
     let start = match Start::on(&lane.path, chosen.s, &request.state, request.vehicle, trusted) {
         Ok(start) => start,
-        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
     let aside = settings.idm.aside(request, || lane.width(start.s, request.road));
     let time = time_left(request, settings, lane, &start);
@@ -99,7 +99,7 @@ pub(super) fn plan(
     let law = &settings.idm.law;
     let place = (aside, keeping_time(&settings.idm, start.d - aside, time));
     let ego = Ego { target: place.0, ..Ego::new(request, &lane.path, (start.s, start.velocity, start.d), place.1) };
-    let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
+    let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
@@ -125,9 +125,9 @@ pub(super) fn plan(
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));
     conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
-    match path_motion::trajectory_on_road(request, &lane.path, &start, motions, place, road) {
+    match path_motion::trajectory_on_road(request, &lane.path, &start, motions, place) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
-        None => refused(request, memory, "its lane bends too tightly where it is"),
+        None => refused(request, "its lane bends too tightly where it is"),
     }
 }
 

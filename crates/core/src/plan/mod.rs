@@ -374,7 +374,6 @@ pub struct PlanningMemory {
     /// Motions of the plan, and of a plan that ignores later occupancies.
     motions: Vec<car_following::PathMotion>,
     free: Vec<car_following::PathMotion>,
-    road: Vec<u32>,
     effort: usize,
     /// What a reference driver remembers; the world hands it in and takes it back.
     pub(crate) alertness: reference::Alertness,
@@ -404,7 +403,7 @@ pub fn plan(
 ) -> Option<PlanResult> {
     memory.effort = 0;
     if !request.state.is_finite() && !matches!(planner, Planner::External) {
-        return Some(refused(request, memory, "the present state is not a number"));
+        return Some(refused(request, "the present state is not a number"));
     }
     Some(match (planner, prepared) {
         (Planner::External, _) => return None,
@@ -417,7 +416,7 @@ pub fn plan(
             let aimed = prepared.aim(request, &settings.comfort);
             let found = rollout::plan(&aimed, settings, &mut memory.rollout);
             memory.effort = memory.rollout.effort();
-            found.unwrap_or_else(|| refused(request, memory, "the agent is not beside its path"))
+            found.unwrap_or_else(|| refused(request, "the agent is not beside its path"))
         }
         (Planner::Recorded, Prepared::RecordedPath(recorded_path)) => recorded::plan(request, recorded_path, memory),
         (Planner::VelocityAdjusting(law), Prepared::RecordedPath(recorded_path)) => {
@@ -428,17 +427,17 @@ pub fn plan(
         (Planner::Pdm(settings), _) => {
             let found = pdm::plan(request, settings, &mut memory.pdm);
             memory.effort = memory.pdm.effort();
-            found.unwrap_or_else(|reason| refused(request, memory, reason))
+            found.unwrap_or_else(|reason| refused(request, reason))
         }
         (Planner::Reference(driver, settings), _) => reference::plan(request, (*driver, settings), memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
-        (Planner::IdmMobil(_), Prepared::Nothing) => refused(request, memory, "its lanes make no path"),
+        (Planner::IdmMobil(_), Prepared::Nothing) => refused(request, "its lanes make no path"),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),
         _ => unreachable!("prepared for another planner"),
     })
 }
 
 /// What an agent does that its planner cannot help: it stays if it stands, and otherwise brakes as hard as it can.
-fn refused(request: &PlanRequest, memory: &mut PlanningMemory, reason: &str) -> PlanResult {
-    emergency_braking::without_plan(request, request.predictions.n_steps + 1, &mut memory.road, reason)
+fn refused(request: &PlanRequest, reason: &str) -> PlanResult {
+    emergency_braking::without_plan(request, request.predictions.n_steps + 1, reason)
 }

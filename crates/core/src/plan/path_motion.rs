@@ -95,7 +95,6 @@ pub(super) fn trajectory_on_road(
     start: &Start,
     motions: &[PathMotion],
     (aside, time): (f64, f64),
-    memory: &mut Vec<u32>,
 ) -> Option<Trajectory> {
     let mut points = Vec::with_capacity(motions.len());
     shifted(request, path, start, motions, (aside, time), &mut points)?;
@@ -103,14 +102,14 @@ pub(super) fn trajectory_on_road(
     if is_harmless {
         return Some(Trajectory { points });
     }
-    let mut longest = stays_on_road(request, &points, memory);
+    let mut longest = stays_on_road(request, &points);
     let mut best = points.clone();
     for (end, time) in BESIDE.iter().map(|end| (*end, time.min(BESIDE_TIME))) {
         if longest >= points.len() {
             break;
         }
         if shifted(request, path, start, motions, (end, time), &mut points).is_some() {
-            let stays = stays_on_road(request, &points, memory);
+            let stays = stays_on_road(request, &points);
             if stays > longest {
                 longest = stays;
                 best.clone_from(&points);
@@ -128,13 +127,13 @@ fn is_straight(path: &ReferencePath, s: f64, motions: &[PathMotion]) -> bool {
 }
 
 /// Number of points up to which the footprint stays on the road once it is fully on it.
-fn stays_on_road(request: &PlanRequest, points: &[State], memory: &mut Vec<u32>) -> usize {
+fn stays_on_road(request: &PlanRequest, points: &[State]) -> usize {
     let (length, width) = (request.vehicle.length, request.vehicle.width);
     let mut was_on_road = request.was_on_road;
     let leaves = points.iter().position(|point| {
         let footprint = OrientedBox::new(point.pose(), length, width);
-        let leaves = was_on_road && !request.road.admits_box(request.vehicle, &footprint, memory);
-        was_on_road = was_on_road || request.road.box_is_covered(&footprint, memory);
+        let leaves = was_on_road && !request.road.admits_box(request.vehicle, &footprint);
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint);
         leaves
     });
     leaves.unwrap_or(points.len())

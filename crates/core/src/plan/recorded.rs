@@ -18,13 +18,13 @@ pub(super) fn plan(request: &PlanRequest, recorded_path: &RecordedPath, memory: 
         let from = PlanRequest { state: points[points.len() - 1], ..*request };
         let start = match Start::on(recorded_path.path(), f64::NAN, &from.state, request.vehicle, false) {
             Ok(start) => start,
-            Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+            Err(reason) => return refused(request, &format!("the agent {reason}")),
         };
         let missing = n_points - points.len() + 1;
         integrate((start.s, start.velocity), missing, request.dt, &mut memory.motions, |_, _, _| 0.0);
         match path_motion::trajectory(&from, recorded_path.path(), &start, &memory.motions, RETURN_TIME) {
             Some(rest) => points.extend_from_slice(&rest.points[1..]),
-            None => return refused(request, memory, "its lane bends too tightly where it is"),
+            None => return refused(request, "its lane bends too tightly where it is"),
         }
     }
     PlanResult::planned(Trajectory { points }, f64::NAN)

@@ -181,7 +181,7 @@ pub(super) fn plan(
 ) -> PlanResult {
     let start = match Start::new(request, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
     let (path, dt) = (&request.route.path, request.dt);
     let n_points = request.predictions.n_steps + 1;
@@ -227,7 +227,7 @@ pub(super) fn plan(
 
     let lawful = lawful::lawful_velocity(request);
     let request = &PlanRequest { others: &others, ..*request };
-    let PlanningMemory { conflicts, speed_profile, motions, free, road, .. } = memory;
+    let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(request.rules.way, start.s));
     let cornering = request.vehicle.cornering(settings.lateral_acceleration);
     let law = CarFollowing { acceleration: 1.5, deceleration: 2.0, ..CarFollowing::default() };
@@ -272,9 +272,9 @@ pub(super) fn plan(
     run(conflicts, free);
     conflicts.decide(request, &ego, deference, free);
     run(conflicts, motions);
-    match path_motion::trajectory_on_road(request, path, &start, motions, (0.0, RETURN_TIME), road) {
+    match path_motion::trajectory_on_road(request, path, &start, motions, (0.0, RETURN_TIME)) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
-        None => refused(request, memory, "its path bends too tightly where it is"),
+        None => refused(request, "its path bends too tightly where it is"),
     }
 }
 

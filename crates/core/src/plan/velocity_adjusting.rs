@@ -92,7 +92,7 @@ pub(super) fn plan(
     let hint = if near { hint } else { f64::NAN };
     let start = match Start::on(path, hint, &request.state, request.vehicle, request.previous.is_some()) {
         Ok(start) => start,
-        Err(reason) => return refused(request, memory, &format!("the agent {reason}")),
+        Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego::new(request, path, (start.s, start.velocity, start.d), RETURN_TIME);
@@ -120,6 +120,6 @@ pub(super) fn plan(
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory(request, path, &start, motions, RETURN_TIME) {
         Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
-        None => refused(request, memory, "its path bends too tightly where it is"),
+        None => refused(request, "its path bends too tightly where it is"),
     }
 }

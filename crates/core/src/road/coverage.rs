@@ -73,11 +73,11 @@ impl DrivableArea {
         (first != Ground::Edge && cells.all(|cell| self.ground[cell] == first)).then_some(first == Ground::Road)
     }
 
-    /// Some road edge in the cells under the box satisfies the test.
-    pub(super) fn any_edge_near(&self, aabb: &Aabb, test: impl Fn(&Segment) -> bool) -> bool {
+    /// Some road edge in the cells under the box satisfies the test, which is given its index, too, and may see it often.
+    pub(super) fn any_edge_near(&self, aabb: &Aabb, test: impl Fn(usize, &Segment) -> bool) -> bool {
         let Some(range) = self.surface.grid.range(aabb) else { return false };
         let mut cells = self.surface.grid.cells(range);
-        cells.any(|cell| self.buckets.of(cell).iter().any(|i| test(&self.edges[*i as usize])))
+        cells.any(|cell| self.buckets.of(cell).iter().any(|i| test(*i as usize, &self.edges[*i as usize])))
     }
 
     fn edges_near(&self, aabb: &Aabb, out: &mut Vec<u32>) {
@@ -139,8 +139,8 @@ impl RoadNetwork {
         })
     }
 
-    /// `covers` for an oriented box, for planners. `scratch` is overwritten; nothing else is allocated.
-    pub fn box_is_covered(&self, footprint: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
+    /// `covers` for an oriented box, for planners. Nothing is allocated.
+    pub fn box_is_covered(&self, footprint: &OrientedBox) -> bool {
         let inner = OrientedBox {
             half_length: (footprint.half_length - self.settings.gap_tolerance).max(0.0),
             half_width: (footprint.half_width - self.settings.gap_tolerance).max(0.0),
@@ -153,10 +153,8 @@ impl RoadNetwork {
         if !self.is_on_road(inner.center) {
             return false;
         }
-        self.area.edges_near(&aabb, scratch);
-        scratch.iter().all(|i| {
-            let edge = &self.area.edges[*i as usize];
-            !inner.overlaps_segment(edge.a, edge.b)
+        !self.area.any_edge_near(&aabb, |_, edge| {
+            Aabb::around([edge.a, edge.b]).overlaps(&aabb) && inner.overlaps_segment(edge.a, edge.b)
         })
     }
 }

@@ -7,7 +7,7 @@
 use super::edges::Segment;
 use super::{RoadNetwork, RoadSettings};
 use crate::geometry::shape::{OrientedBox, Shape};
-use crate::geometry::{Point, Pose, wrap_angle};
+use crate::geometry::{Aabb, Point, Pose, wrap_angle};
 use crate::settings::choice;
 use crate::vehicle::Vehicle;
 use std::f64::consts::FRAC_PI_2;
@@ -38,32 +38,22 @@ impl RoadNetwork {
     pub fn admits(&self, shape: &Shape, vehicle: &Vehicle, pose: Pose, scratch: &mut Vec<u32>) -> bool {
         self.covers_with(shape, pose, scratch) || {
             let body = OrientedBox::new(pose, vehicle.length, vehicle.width);
-            self.admits_wheels(&body, &vehicle.wheels(&body), scratch)
+            self.admits_wheels(&body, &vehicle.wheels(&body))
         }
     }
 
-    /// The same for a motion from one footprint to the next: what both span. `scratch` is overwritten.
-    pub fn admits_motion(
-        &self,
-        vehicle: &Vehicle,
-        from: &OrientedBox,
-        to: &OrientedBox,
-        scratch: &mut Vec<u32>,
-    ) -> bool {
+    /// The same for a motion from one footprint to the next: what both span.
+    pub fn admits_motion(&self, vehicle: &Vehicle, from: &OrientedBox, to: &OrientedBox) -> bool {
         let body = OrientedBox::spanning(from, to);
-        self.box_is_covered(&body, scratch)
+        self.box_is_covered(&body)
             || (self.settings.judge != RoadJudge::Body
-                && self.admits_wheels(
-                    &body,
-                    &OrientedBox::spanning(&vehicle.wheels(from), &vehicle.wheels(to)),
-                    scratch,
-                ))
+                && self.admits_wheels(&body, &OrientedBox::spanning(&vehicle.wheels(from), &vehicle.wheels(to))))
     }
 
     /// The same for a footprint that does not move.
-    pub fn admits_box(&self, vehicle: &Vehicle, body: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
-        self.box_is_covered(body, scratch)
-            || (self.settings.judge != RoadJudge::Body && self.admits_wheels(body, &vehicle.wheels(body), scratch))
+    pub fn admits_box(&self, vehicle: &Vehicle, body: &OrientedBox) -> bool {
+        self.box_is_covered(body)
+            || (self.settings.judge != RoadJudge::Body && self.admits_wheels(body, &vehicle.wheels(body)))
     }
 
     /// Whatever a body of one convex part covers while it moves straight from one pose to another, turning on the way,
@@ -83,24 +73,25 @@ impl RoadNetwork {
         let aabb = swept.aabb();
         self.area.uniform(&aabb).unwrap_or_else(|| {
             let centers = (0..=looks).map(|look| from.position.lerp(to.position, look as f64 / looks as f64));
-            let is_clear = !self.area.any_edge_near(&aabb, |edge| swept.overlaps_segment(edge.a, edge.b));
+            let is_clear = !self.area.any_edge_near(&aabb, |_, edge| swept.overlaps_segment(edge.a, edge.b));
             is_clear && { centers }.all(|center| self.is_on_road(center))
         })
     }
 
     /// The judge by wheels for a body that crosses the edge.
-    fn admits_wheels(&self, body: &OrientedBox, wheels: &OrientedBox, scratch: &mut Vec<u32>) -> bool {
+    fn admits_wheels(&self, body: &OrientedBox, wheels: &OrientedBox) -> bool {
         let RoadSettings { judge, turn_tolerance, overhang_max, .. } = self.settings;
         if judge == RoadJudge::Body || !self.is_on_road(wheels.center) {
             return false;
         }
         let (strict, lenient) = (shrunk(wheels, self.settings.gap_tolerance), shrunk(wheels, turn_tolerance));
-        self.edges_near(&strict.aabb(), scratch);
-        let stays = scratch.iter().all(|i| {
-            let Segment { a, b } = self.area.edges[*i as usize];
-            !strict.overlaps_segment(a, b) || (self.area.bends[*i as usize] && !lenient.overlaps_segment(a, b))
+        let aabb = strict.aabb();
+        let leaves = self.area.any_edge_near(&aabb, |i, &Segment { a, b }| {
+            Aabb::around([a, b]).overlaps(&aabb)
+                && strict.overlaps_segment(a, b)
+                && (!self.area.bends[i] || lenient.overlaps_segment(a, b))
         });
-        stays && outline(&body.corners()).all(|point| self.area.surface.is_within(point, overhang_max))
+        !leaves && outline(&body.corners()).all(|point| self.area.surface.is_within(point, overhang_max))
     }
 
     /// How far a body reaches beyond the lanelets [m], 0 if it does not: the furthest point of its outline from them, and
@@ -205,8 +196,8 @@ mod tests {
         let still = OrientedBox::new(pose, CAR.length, CAR.width);
         let mut scratch = Vec::new();
         let answer = road.admits(&Shape::rectangle(CAR.length, CAR.width), &CAR, pose, &mut scratch);
-        assert_eq!(road.admits_box(&CAR, &still, &mut scratch), answer);
-        assert_eq!(road.admits_motion(&CAR, &still, &still, &mut scratch), answer);
+        assert_eq!(road.admits_box(&CAR, &still), answer);
+        assert_eq!(road.admits_motion(&CAR, &still, &still), answer);
         answer
     }
 

@@ -199,7 +199,7 @@ impl World {
         let predictions = Predictions { time_step: self.time_step, ..Predictions::default() };
         let prediction_index = PredictionIndex::of(&predictions, &[]);
         let rules = self.lines(drive);
-        target.drive(&self.request_with(drive, &[], (&predictions, &prediction_index), rules), numbers, &mut Vec::new())
+        target.drive(&self.request_with(drive, &[], (&predictions, &prediction_index), rules), numbers)
     }
 
     fn request<'a>(

@@ -198,6 +198,6 @@ pub fn check(source: &mut Source) {
         road.edges_near(&shape.aabb(pose), &mut near);
         road.edges_near(&Aabb { min: pose.position, max: pose.position }.grown(source.finite(0.0, 10.0)), &mut near);
         road.covers(&shape, pose);
-        road.box_is_covered(&shape.oriented_box(pose), &mut near);
+        road.box_is_covered(&shape.oriented_box(pose));
     }
 }

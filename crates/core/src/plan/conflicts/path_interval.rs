@@ -244,6 +244,33 @@ pub(super) struct PredictedMode<'a> {
     pub(super) start: usize,
     pub(super) n_known: usize,
     pub(super) dt: f64,
+    /// The plan for which places are kept.
+    pub(super) plan: u64,
+}
+
+/// Where a predicted participant is beside the path: the same on every way that a plan looks at.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Placed {
+    /// The plan that it was found for, from 1 on.
+    plan: u64,
+    /// Arc length from which the foot was looked for [m].
+    near: Option<f64>,
+    body: OrientedBox,
+    foot: Option<PathFoot>,
+}
+
+impl Placed {
+    pub(super) const NEVER: Self = Self {
+        plan: 0,
+        near: None,
+        body: OrientedBox {
+            center: Point { x: 0.0, y: 0.0 },
+            axis: Point { x: 1.0, y: 0.0 },
+            half_length: 0.0,
+            half_width: 0.0,
+        },
+        foot: None,
+    };
 }
 
 /// A participant at one point of the plan, projected onto the path.
@@ -256,8 +283,8 @@ pub(super) struct Projection {
 }
 
 impl PredictedMode<'_> {
-    /// At a point of the plan; `near` is a foot at another point.
-    pub(super) fn at(&self, point: usize, near: Option<PathFoot>) -> Projection {
+    /// At a point of the plan; `near` is a foot at another point, `placed` what the plan knows of the points already.
+    pub(super) fn at(&self, point: usize, near: Option<PathFoot>, placed: &mut [Placed]) -> Projection {
         let predictions = self.request.predictions;
         let (pose, velocity) = match point.checked_sub(1) {
             None => (self.other.pose, self.other.velocity),
@@ -273,11 +300,16 @@ impl PredictedMode<'_> {
         if !self.region.contains(pose.position) {
             return Projection { center: pose.position, foot: None, interval: None };
         }
-        let body = self.other.shape.oriented_box(pose);
-        let foot = foot_of(self.ego, &self.region, body.center, near);
+        let (plan, from) = (self.plan, near.map(|near| near.s));
+        if placed[point].plan != plan || placed[point].near != from {
+            let body = self.other.shape.oriented_box(pose);
+            let foot = foot_of(self.ego, &self.region, body.center, near);
+            placed[point] = Placed { plan, near: from, body, foot };
+        }
+        let Placed { body, foot, .. } = &placed[point];
         let time = point as f64 * self.dt;
-        let interval = foot.and_then(|foot| interval_of(self.ego, &body, &foot, velocity, time));
-        Projection { center: pose.position, foot, interval }
+        let interval = foot.and_then(|foot| interval_of(self.ego, body, &foot, velocity, time));
+        Projection { center: pose.position, foot: *foot, interval }
     }
 }
 

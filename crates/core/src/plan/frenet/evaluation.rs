@@ -53,7 +53,6 @@ pub(super) struct EvaluationMemory {
     /// bounds rise early.
     order: Vec<usize>,
     points: Vec<Waypoint>,
-    pub(super) road: Vec<u32>,
     /// Samples that are rejected for a contact alone.
     pub(super) contacts: Vec<(u32, Contact)>,
     /// Least cost of the samples that were rejected for the road alone; inf: none was. That sample, and their number.
@@ -116,7 +115,7 @@ impl<'a> Evaluation<'a> {
         memory.reset(tables.samples.len());
         let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
-        let has_room = request.was_on_road && road.admits_box(vehicle, &footprint.grown(margin), &mut memory.road);
+        let has_room = request.was_on_road && road.admits_box(vehicle, &footprint.grown(margin));
         Self {
             road_margin: if has_room { margin } else { 0.0 },
             prediction_weight: settings.weights.prediction,
@@ -240,7 +239,6 @@ impl<'a> Evaluation<'a> {
     /// closely as the world does.
     fn is_on_road(&mut self, points: &[Waypoint]) -> bool {
         let PlanRequest { road, shape, state, vehicle, mut was_on_road, .. } = *self.problem.request;
-        let scratch = &mut self.tables.memory.road;
         let is_exact = was_on_road && self.road_margin == 0.0;
         if is_exact && departs_road(road, shape, vehicle, state.pose(), points[1].pose()).is_some() {
             return false;
@@ -251,9 +249,9 @@ impl<'a> Evaluation<'a> {
         points.windows(2).skip(usize::from(is_exact)).all(|pair| {
             let (from, to) = (footprint(&pair[0]), footprint(&pair[1]));
             if was_on_road {
-                return road.admits_motion(vehicle, &from, &to, scratch);
+                return road.admits_motion(vehicle, &from, &to);
             }
-            was_on_road = road.box_is_covered(&to, scratch);
+            was_on_road = road.box_is_covered(&to);
             true
         })
     }

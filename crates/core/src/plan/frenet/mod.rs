@@ -55,7 +55,6 @@ pub struct FrenetMemory {
     obstacles: Obstacles,
     queue: search::Queue,
     evaluation: EvaluationMemory,
-    road: Vec<u32>,
     effort: usize,
     breakdown: CostBreakdown,
 }
@@ -100,12 +99,12 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
         Ok(start) => start,
         Err(reason) => {
             let reason = format!("the agent {reason}");
-            return emergency_braking::without_plan(request, n_points, &mut memory.road, &reason);
+            return emergency_braking::without_plan(request, n_points, &reason);
         }
     };
     let limits = Limits::new(request, n_points, start.curvature);
     let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, queue, evaluation, road, effort, breakdown } = memory;
+    let FrenetMemory { samples, costs, obstacles, queue, evaluation, effort, breakdown } = memory;
     prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles));
     let problem = Problem { request, settings, limits: &limits };
     let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, memory: evaluation });
@@ -118,7 +117,7 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
     *effort = evaluation.tables.memory.n_trajectories();
     let Some((sample, cost)) = choice else {
         let obstruction = Some(evaluation.obstruction());
-        let braking = emergency_braking::last_resort(request, n_points, road, "no sample can be driven");
+        let braking = emergency_braking::last_resort(request, n_points, "no sample can be driven");
         return PlanResult { obstruction, ..braking };
     };
     evaluation.write_if_drivable(sample);

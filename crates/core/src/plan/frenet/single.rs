@@ -62,7 +62,7 @@ struct Sample {
 impl FrenetTarget {
     /// The next state, one time step on. A sample that the vehicle cannot drive takes the whole horizon instead; if it
     /// cannot drive that either, it brakes as the sampling planner does. Both count as limited. Numbers are clipped.
-    pub(crate) fn drive(&self, request: &PlanRequest, numbers: [f64; 3], road: &mut Vec<u32>) -> Moved {
+    pub(crate) fn drive(&self, request: &PlanRequest, numbers: [f64; 3]) -> Moved {
         let [offset, change, time] = numbers.map(|number| number.clamp(-1.0, 1.0));
         let (dt, vehicle) = (request.dt, request.vehicle);
         let n_points = (self.horizon / dt).round().max(1.0) as usize + 1;
@@ -81,7 +81,7 @@ impl FrenetTarget {
                 }
             }
         }
-        let plan = last_resort(request, n_points, road, "the sample cannot be driven");
+        let plan = last_resort(request, n_points, "the sample cannot be driven");
         Moved { state: plan.trajectory.points[1], limited: true }
     }
 

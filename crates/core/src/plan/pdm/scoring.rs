@@ -79,7 +79,6 @@ pub(super) struct Judge {
     met: Vec<bool>,
     /// The same for contacts of the vehicle moved on.
     near: Vec<bool>,
-    road: Vec<u32>,
 }
 
 impl Judge {
@@ -108,8 +107,8 @@ impl Judge {
         let mut was_on_road = request.was_on_road;
         points.iter().all(|point| {
             let footprint = point.footprint(request);
-            let stays = !was_on_road || request.road.admits_box(request.vehicle, &footprint, &mut self.road);
-            was_on_road = was_on_road || request.road.box_is_covered(&footprint, &mut self.road);
+            let stays = !was_on_road || request.road.admits_box(request.vehicle, &footprint);
+            was_on_road = was_on_road || request.road.box_is_covered(&footprint);
             stays
         })
     }

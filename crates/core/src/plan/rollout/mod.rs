@@ -42,7 +42,6 @@ pub struct RolloutMemory {
     conflicts: Conflicts,
     road_speeds: RoadSpeeds,
     surroundings: Surroundings,
-    road: Vec<u32>,
     rollout: Rollout,
     effort: usize,
     log: candidates::Log,

@@ -175,14 +175,14 @@ impl<'a> Search<'a> {
     /// It stays on the road and keeps its margins.
     pub(super) fn is_free(&mut self, rollout: &Rollout) -> bool {
         let request = self.task.request;
-        leaves_road(request, rollout, 0.0, &mut self.memory.road).is_none()
+        leaves_road(request, rollout, 0.0).is_none()
             && self.memory.surroundings.first_contact(request, &rollout.points, 1.0).is_none()
     }
 
     /// The point at which it comes too near to the edge of the road or to another participant.
     pub(super) fn first_fault(&mut self, rollout: &Rollout) -> Option<usize> {
         let request = self.task.request;
-        let off_road = leaves_road(request, rollout, self.settings.road_margin, &mut self.memory.road);
+        let off_road = leaves_road(request, rollout, self.settings.road_margin);
         let contact = self.memory.surroundings.first_contact(request, &rollout.points, 1.0);
         off_road.into_iter().chain(contact).map(|found| found.point).min()
     }
@@ -200,12 +200,17 @@ impl<'a> Search<'a> {
         let Start { s, d, velocity, .. } = self.task.start;
         let request = self.task.request;
         let ego = Ego { target, ..Ego::new(request, &request.route.path, (s, velocity, d), RETURN_TIME) };
-        if self.looked.replace(target) == Some(target) {
+        let looked = self.looked.replace(target);
+        if looked == Some(target) {
             return ego;
         }
         let mut barriers = request.barriers(request.rules.way, s);
         barriers.extend(self.obstructions.wait);
-        self.memory.conflicts.collect(request, &ego, self.task.n_points, barriers);
+        let conflicts = &mut self.memory.conflicts;
+        match looked {
+            None => conflicts.collect(request, &ego, self.task.n_points, barriers),
+            Some(_) => conflicts.collect_again(request, &ego, self.task.n_points, barriers),
+        }
         self.memory.conflicts.spare_untouched(request, &ego, SPARED);
         ego
     }
@@ -355,29 +360,37 @@ impl<'a> Search<'a> {
         let weights = &self.settings.weights;
         let mut rollout = std::mem::take(&mut self.memory.rollout);
         self.memory.effort += 1;
-        rollout.drive(request, &self.task.start, (proposal.target.0, along), &proposal.speeds, steering);
         let mut terms = [0.0; N_TERMS];
         terms[..4].copy_from_slice(&proposal.terms);
-        let end = rollout.beside;
-        terms[4..7].copy_from_slice(&[
-            rollout.lateral,
-            request.lane_change.urgency * rollout.offset,
-            self.before.map_or(0.0, |d| (end - d).abs()),
-        ]);
         let price = |terms: &[f64; N_TERMS]| {
             // What the proposal costs beyond its speeds.
             let extra = proposal.bound - Speeds::cost(proposal.terms, weights);
             extra + weights.as_array().iter().zip(terms).map(|(weight, term)| weight * term).sum::<f64>()
         };
-        if self.cost() <= price(&terms) {
+        let best = self.cost();
+        let steered = |rollout: &Rollout| [rollout.lateral, request.lane_change.urgency * rollout.offset];
+        // The integrals only grow, and so does their price, rounding included.
+        let is_too_dear = |rollout: &Rollout| {
+            let mut terms = terms;
+            terms[4..6].copy_from_slice(&steered(rollout));
+            best <= price(&terms)
+        };
+        let way = (proposal.target.0, along);
+        if !rollout.drive_unless(request, &self.task.start, way, &proposal.speeds, steering, is_too_dear) {
+            self.memory.rollout = rollout;
+            return true;
+        }
+        terms[4..6].copy_from_slice(&steered(&rollout));
+        terms[6] = self.before.map_or(0.0, |d| (rollout.beside - d).abs());
+        if best <= price(&terms) {
             self.memory.rollout = rollout;
             return true;
         }
         let dt = request.dt;
-        let mut off_road = leaves_road(request, &rollout, self.settings.road_margin, &mut self.memory.road);
+        let mut off_road = leaves_road(request, &rollout, self.settings.road_margin);
         if off_road.is_some() {
             terms[8] = 1.0;
-            off_road = leaves_road(request, &rollout, 0.0, &mut self.memory.road);
+            off_road = leaves_road(request, &rollout, 0.0);
         }
         let surroundings = &self.memory.surroundings;
         let mut contact = surroundings.first_contact(request, &rollout.points, 1.0);
@@ -424,15 +437,15 @@ fn previous_offset(request: &PlanRequest) -> Option<f64> {
 }
 
 /// Where the footprint, larger by a margin [m], leaves the road once it is fully on it.
-fn leaves_road(request: &PlanRequest, rollout: &Rollout, margin: f64, scratch: &mut Vec<u32>) -> Option<Contact> {
+fn leaves_road(request: &PlanRequest, rollout: &Rollout, margin: f64) -> Option<Contact> {
     let mut was_on_road = request.was_on_road;
     let mut before = rollout.points[0].footprint(request).grown(margin);
     for (i, point) in rollout.points.iter().enumerate().skip(1) {
         let footprint = point.footprint(request).grown(margin);
-        if was_on_road && !request.road.admits_motion(request.vehicle, &before, &footprint, scratch) {
+        if was_on_road && !request.road.admits_motion(request.vehicle, &before, &footprint) {
             return Some(Contact { point: i, speed: point.velocity, other: None });
         }
-        was_on_road = was_on_road || request.road.box_is_covered(&footprint, scratch);
+        was_on_road = was_on_road || request.road.box_is_covered(&footprint);
         before = footprint;
     }
     None

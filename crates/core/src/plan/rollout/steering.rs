@@ -23,6 +23,8 @@ const OFFSET_MAX: f64 = 1.5;
 const SWING_MAX: f64 = 4.0;
 /// Share of the vehicle's limits that is used: rounding must not exceed them.
 const LIMIT_SHARE: f64 = 0.98;
+/// What a roll-out costs is looked at after so many points each.
+const PRICED_POINTS: usize = 3;
 /// The arc length of the foot follows where the path bends around the vehicle by at least this stretch.
 const STRETCH_MIN: f64 = 0.2;
 
@@ -86,10 +88,23 @@ impl Rollout {
         &mut self,
         request: &PlanRequest,
         start: &Start,
-        (target, along): (f64, Along),
+        way: (f64, Along),
         speeds: &Speeds,
         steering: Steering,
     ) {
+        self.drive_unless(request, start, way, speeds, steering, |_| false);
+    }
+
+    /// The same, but it gives up once its integrals up to then are too dear; says whether it came to the end.
+    pub(super) fn drive_unless(
+        &mut self,
+        request: &PlanRequest,
+        start: &Start,
+        (target, along): (f64, Along),
+        speeds: &Speeds,
+        steering: Steering,
+        is_too_dear: impl Fn(&Self) -> bool,
+    ) -> bool {
         let (vehicle, path, dt) = (request.vehicle, &request.route.path, request.dt);
         let line = request.line.filter(|_| along == Along::Line);
         let step = LIMIT_SHARE * vehicle.steering_step(dt);
@@ -153,6 +168,9 @@ impl Rollout {
                 self.lateral += beyond * beyond * dt;
                 beside = d - offset;
                 self.offset += (d - d.clamp(offset.min(0.0), offset.max(0.0))).abs() * dt;
+                if i % PRICED_POINTS == 0 && is_too_dear(self) {
+                    return false;
+                }
             }
             let axis = Point::from_angle(theta);
             let center = axle + axis * vehicle.rear_axle_to_center;
@@ -160,6 +178,7 @@ impl Rollout {
             before = velocity;
         }
         self.beside = beside;
+        true
     }
 
     /// States of the footprint centre; the first is that of the request.

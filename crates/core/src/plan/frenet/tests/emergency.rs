@@ -12,7 +12,7 @@ use crate::trajectory::{PlanStatus, State};
 
 /// Full braking from now on.
 fn braking_from(drive: &Drive) -> Vec<State> {
-    drive.with_request(|request| last_resort(request, 31, &mut Vec::new(), "")).trajectory.points
+    drive.with_request(|request| last_resort(request, 31, "")).trajectory.points
 }
 
 /// Own speed at the contact [m/s], and that which full braking from the first emergency on would have left there; `None`

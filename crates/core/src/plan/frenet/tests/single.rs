@@ -9,7 +9,7 @@ use crate::road::testing::arc;
 use crate::vehicle::single_track::Moved;
 
 fn driven(drive: &Drive, numbers: [f64; 3]) -> Moved {
-    drive.with_request(|request| FrenetTarget::default().drive(request, numbers, &mut Vec::new()))
+    drive.with_request(|request| FrenetTarget::default().drive(request, numbers))
 }
 
 #[test]
@@ -79,6 +79,6 @@ fn the_drive_goes_on_where_the_sample_led() {
 #[test]
 fn states_beyond_the_end_of_the_path_are_no_samples() {
     let drive = Drive::on_three_lanes(290.0, 10.0);
-    let checked = |request: &PlanRequest<'_>| FrenetTarget::default().drive(request, [0.0; 3], &mut Vec::new());
+    let checked = |request: &PlanRequest<'_>| FrenetTarget::default().drive(request, [0.0; 3]);
     assert!(drive.with_request(checked).limited);
 }
