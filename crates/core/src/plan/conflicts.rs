@@ -39,7 +39,7 @@ const COURTESY: f64 = 2.0;
 const COMMITTED: f64 = 1.0;
 
 /// Consecutive points at which a participant occupies a stretch of the path in one way.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct PathOccupancy {
     /// First of its intervals among `intervals`, that of point 0.
     row: usize,
@@ -98,6 +98,8 @@ pub(super) struct Conflicts {
     /// Where participants are beside the path, shape (others, modes, points), as far as the present plan has looked.
     placed: Vec<Placed>,
     plan: u64,
+    /// What the plan found on the way before.
+    before: (Vec<PathInterval>, Vec<PathOccupancy>),
 }
 
 impl Conflicts {
@@ -114,6 +116,8 @@ impl Conflicts {
 
     /// The same for the same request and another target.
     pub(super) fn collect_again(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, barriers: Barriers) {
+        std::mem::swap(&mut self.intervals, &mut self.before.0);
+        std::mem::swap(&mut self.occupancies, &mut self.before.1);
         self.intervals.clear();
         self.occupancies.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
@@ -129,6 +133,15 @@ impl Conflicts {
             }
         }
         self.placed = placed;
+    }
+
+    /// The same occupancies as on the way before, whatever counts.
+    pub(super) fn is_as_before(&self) -> bool {
+        let (intervals, occupancies) = &self.before;
+        let pairs = || self.occupancies.iter().zip(occupancies);
+        self.occupancies.len() == occupancies.len()
+            && pairs().all(|(own, before)| own.is_like(before))
+            && pairs().all(|(own, before)| own.intervals(&self.intervals) == before.intervals(intervals))
     }
 
     fn add_static(&mut self, request: &PlanRequest, index: usize, other: &Other, ego: &Ego, region: &Region) {
@@ -178,11 +191,14 @@ impl Conflicts {
                 return;
             }
             let (row, last) = (self.intervals.len(), self.n_points - 1);
+            let end = predicted.at(last, now.foot, placed);
+            if last > 1 && now.stays_away(&end, last as f64 * self.dt, &predicted.region) {
+                continue;
+            }
             self.intervals.resize(row + self.n_points, OUTSIDE);
             self.put(row, &now);
-            let end = predicted.at(last, now.foot, placed);
             self.put(row + last, &end);
-            self.fill(&predicted, row, (0, now), (last, end), placed);
+            self.fill(&predicted, row, (0, &now), (last, &end), placed);
             if self.intervals[row..].iter().any(|interval| interval.inside) {
                 let likely = *probability >= JOINING_PROBABILITY || *probability >= largest;
                 self.push_occupancies(ego, row, (index, other), (mode, likely));
@@ -201,11 +217,11 @@ impl Conflicts {
         &mut self,
         predicted: &PredictedMode,
         row: usize,
-        (a, before): (usize, Projection),
-        (b, after): (usize, Projection),
+        (a, before): (usize, &Projection),
+        (b, after): (usize, &Projection),
         placed: &mut [Placed],
     ) {
-        if b - a < 2 || before.stays_away(&after, (b - a) as f64 * self.dt, &predicted.region) {
+        if b - a < 2 || before.stays_away(after, (b - a) as f64 * self.dt, &predicted.region) {
             return;
         }
         if let (Some(from), Some(to)) = (&before.interval, &after.interval)
@@ -221,8 +237,8 @@ impl Conflicts {
         let middle = usize::midpoint(a, b);
         let projection = predicted.at(middle, before.foot, placed);
         self.put(row + middle, &projection);
-        self.fill(predicted, row, (a, before), (middle, projection), placed);
-        self.fill(predicted, row, (middle, projection), (b, after), placed);
+        self.fill(predicted, row, (a, before), (middle, &projection), placed);
+        self.fill(predicted, row, (middle, &projection), (b, after), placed);
     }
 
     /// Splits the intervals from `row` on into occupancies.
@@ -401,6 +417,15 @@ impl PathOccupancy {
     /// It crosses the path, or begins to occupy it later.
     fn is_crossing(&self) -> bool {
         self.first > 0 || !self.along
+    }
+
+    /// Equal to another one but for its place among the intervals, and for whether it counts.
+    fn is_like(&self, other: &Self) -> bool {
+        *self == Self { row: self.row, counts: self.counts, ..*other }
+    }
+
+    fn intervals<'a>(&self, all: &'a [PathInterval]) -> &'a [PathInterval] {
+        &all[self.row + self.first..=self.row + self.last]
     }
 }
 

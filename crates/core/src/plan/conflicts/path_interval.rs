@@ -26,7 +26,7 @@ const STRAIGHT_TURN: f64 = 0.35;
 const STRAIGHT_WINDOW: f64 = 20.0;
 
 /// What a participant occupies of the path at one point of the plan.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PathInterval {
     /// Arc lengths of the nearest and the furthest point [m].
     pub(super) low: f64,

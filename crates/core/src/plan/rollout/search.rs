@@ -97,6 +97,8 @@ pub(super) struct Search<'a> {
     pub(super) obstructions: Obstructions,
     /// The offset for which the conflicts were looked for last [m].
     looked: Option<f64>,
+    /// Speeds at the paces that were asked for among the present conflicts.
+    known: Vec<(Pace, Option<Speeds>)>,
     /// Where the plan before ends, across the path [m].
     before: Option<f64>,
     /// A roll-out left the road.
@@ -122,7 +124,18 @@ impl<'a> Search<'a> {
             (settings.comfort.deceleration, settings.comfort.standstill_gap),
         );
         let before = previous_offset(request);
-        Self { task, settings, memory, free, obstructions, looked: None, before, is_narrow: false, best: None }
+        Self {
+            task,
+            settings,
+            memory,
+            free,
+            obstructions,
+            looked: None,
+            known: Vec::new(),
+            before,
+            is_narrow: false,
+            best: None,
+        }
     }
 
     /// The lane first; beside its middle if something is in the way; swinging out where the road is narrow; emergencies.
@@ -211,13 +224,22 @@ impl<'a> Search<'a> {
             None => conflicts.collect(request, &ego, self.task.n_points, barriers),
             Some(_) => conflicts.collect_again(request, &ego, self.task.n_points, barriers),
         }
-        self.memory.conflicts.spare_untouched(request, &ego, SPARED);
+        conflicts.spare_untouched(request, &ego, SPARED);
+        if looked.is_none() || !conflicts.is_as_before() {
+            self.known.clear();
+        }
         ego
     }
 
+    /// Speeds at a pace among the present conflicts.
     pub(super) fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
+        if let Some((_, speeds)) = self.known.iter().find(|(known, _)| *known == pace) {
+            return speeds.clone();
+        }
         let RolloutMemory { conflicts, road_speeds, .. } = &mut *self.memory;
-        Speeds::at(&self.task, (pace, ego), (conflicts, road_speeds), &self.free)
+        let speeds = Speeds::at(&self.task, (pace, ego), (conflicts, road_speeds), &self.free);
+        self.known.push((pace, speeds.clone()));
+        speeds
     }
 
     fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Speeds) -> Proposal {
