@@ -63,7 +63,7 @@ const LIMITS: [(&str, [usize; 2], f64); 5] = [
     ("predict", [402, 402], 8.1),
     ("predict, neural,", [19, 21], 0.1),
     // About 18 for every plan: proposals are stored until the search ends.
-    ("plan", [465, 465], 18.5),
+    ("plan", [452, 452], 17.6),
     ("step", [7, 7], 0.1),
 ];
 

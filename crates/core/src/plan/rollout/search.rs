@@ -1,6 +1,7 @@
 //! Which proposals are driven, and which of them is the best.
 
 use std::cmp::Ordering;
+use std::rc::Rc;
 
 use super::super::PlanRequest;
 use super::super::conflicts::Ego;
@@ -48,7 +49,7 @@ struct Proposal {
     target: (f64, Along),
     pace: Pace,
     steering: Steering,
-    speeds: Speeds,
+    speeds: Rc<Speeds>,
     is_emergency: bool,
 }
 
@@ -98,7 +99,7 @@ pub(super) struct Search<'a> {
     /// The offset for which the conflicts were looked for last [m].
     looked: Option<f64>,
     /// Speeds at the paces that were asked for among the present conflicts.
-    known: Vec<(Pace, Option<Speeds>)>,
+    known: Vec<(Pace, Option<Rc<Speeds>>)>,
     /// Where the plan before ends, across the path [m].
     before: Option<f64>,
     /// A roll-out left the road.
@@ -232,17 +233,17 @@ impl<'a> Search<'a> {
     }
 
     /// Speeds at a pace among the present conflicts.
-    pub(super) fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Speeds> {
+    pub(super) fn speeds(&mut self, pace: Pace, ego: &Ego) -> Option<Rc<Speeds>> {
         if let Some((_, speeds)) = self.known.iter().find(|(known, _)| *known == pace) {
             return speeds.clone();
         }
         let RolloutMemory { conflicts, road_speeds, .. } = &mut *self.memory;
-        let speeds = Speeds::at(&self.task, (pace, ego), (conflicts, road_speeds), &self.free);
+        let speeds = Speeds::at(&self.task, (pace, ego), (conflicts, road_speeds), &self.free).map(Rc::new);
         self.known.push((pace, speeds.clone()));
         speeds
     }
 
-    fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Speeds) -> Proposal {
+    fn proposal(&self, pace: Pace, (target, steering): ((f64, Along), Steering), speeds: Rc<Speeds>) -> Proposal {
         let terms = speeds.terms(&self.free, (self.task.acceleration(), self.task.request.dt));
         let bound = Speeds::cost(terms, &self.settings.weights);
         Proposal { bound, order: [0; 3], terms, target, pace, steering, speeds, is_emergency: false }
@@ -329,7 +330,7 @@ impl<'a> Search<'a> {
         let d = self.task.start.d;
         let mut proposals = Vec::new();
         let slowing = self.speeds(Pace::Braking, &ego).expect("an agent can always brake");
-        for (pace, speeds) in [(Pace::Social, self.free.clone()), (Pace::Braking, slowing)] {
+        for (pace, speeds) in [(Pace::Social, Rc::new(self.free.clone())), (Pace::Braking, slowing)] {
             for swerve in SWERVES {
                 proposals.push(self.proposal(pace, ((d + swerve, Along::Path), Steering::QUICK), speeds.clone()));
             }
