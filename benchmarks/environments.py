@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import gymnasium
 import numpy as np
 from peers.environment import environment, measured
+from targets import note
 
 from interdrive import envs, simulate
 
@@ -151,6 +152,12 @@ def planning(traffic: str, runs: int) -> float:
     return statistics.median(found)
 
 
+def keep(case: str, agents: float, *, is_wanted: bool) -> None:
+    """Notes agent-steps per second for the targets."""
+    if is_wanted:
+        note(case.partition(":")[0], agents)
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("scenarios", type=Path, nargs="?")
@@ -183,6 +190,7 @@ def main() -> None:
             agents, worlds = rates(envs.Rows(64, threads=n, **settings), given.seconds, given.runs, clock)
             if n == 1:
                 alone[name] = worlds
+            keep(name, agents, is_wanted=n == max(threads) and given.clock == "wall")
             print(f"| {name} | {n} | {agents:,.0f} | {worlds:,.0f} |", flush=True)
     print(f"| T7: T3 by gymnasium.make, one world | 1 | {single(given.seconds, given.runs, clock):,.0f} | |")
     print(f"| T3 by gymnasium's SyncVectorEnv | 1 | {several(given.seconds, given.runs, clock):,.0f} | |")

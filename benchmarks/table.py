@@ -118,7 +118,7 @@ def keep(found: dict[tuple[str, str, int, str], dict[str, float]]) -> None:
     name, usual = Path(HIGHWAY).stem, "lane_following"
     both, alone = found.get((name, "24", 2, usual)), found.get((name, "24", 1, usual))
     if both and alone:
-        note("step_24", both["full_step"])
+        note("step_highway", both["full_step"])
         note("python_share", both["python"])
         note("second_thread", alone["full_step"] / both["full_step"])
         note("step_24_neural", found[name, "24", 2, "neural"]["full_step"])

@@ -29,11 +29,14 @@ def test_targets_are_compared_with_what_is_measured_and_the_others_name_their_co
     name = "USA_US101-23_1_T-1"
     study = invented({(24, 1): [0.0038], (24, 2): [0.0019]}, kind="six-lane highway", scenario=name)
     found = measured_targets(study) | {"memory": 3e9}
-    assert found == pytest.approx({"step_24": 0.0019, "python_share": 0.1, "second_thread": 2.0, "memory": 3e9})
+    assert found == pytest.approx(
+        {"step_highway": 0.0019, "step_slow": 0.0019, "python_share": 0.1, "second_thread": 2.0, "memory": 3e9}
+    )
     rows = {row[0]: row[1:] for row in target_rows(found)}
-    assert rows["24 agents, USA_US101-23_1_T-1, lane_following"] == ("≤ 2 ms", "1.9 ms", "reached")
-    assert rows["second thread, 24 agents, USA_US101-23_1_T-1"] == ("≥ 1.8 times", "2 times", "reached")
-    assert rows["peak memory, 1000 agents, 300 steps"] == ("≤ 1.5 GB", "3 GB", "missed by 100 %")
+    assert rows["step, 24 agents, six-lane highway"] == ("≤ 0.8 ms", "1.9 ms", "missed by 137 %")
+    assert rows["second thread, 24 agents, USA_US101-23_1_T-1"] == ("≥ 1.85 times", "2 times", "reached")
+    assert rows["peak memory, 1000 agents, 300 steps"] == ("≤ 0.4 GB", "3 GB", "missed by 650 %")
+    assert rows["agent-steps per second of T1"][:1] == ("≥ 1e+06 /s",)
     assert rows["step against highway-env"][1:] == ("–", "measured by benchmarks/peers/rule_based.py")
 
 

@@ -73,6 +73,8 @@ def test_the_summary_has_quartiles_over_all_repetitions():
     assert [(row["lower"], row["median"], row["upper"], row["mean"], row["steps"]) for row in table] == [
         (2.0, 3.0, 4.0, 3.0, 5)
     ]
+    # 4 and 0.96 of the way to 5.
+    assert table[0]["slow"] == pytest.approx(4.96)
     assert table[0]["python"] == pytest.approx(0.3)
 
 

@@ -520,7 +520,7 @@ def print_runtime(study: RuntimeStudy, folder: Path) -> None:
     from interdrive.studies.runtime.summary import QUIET, STEP_PARTS  # noqa: PLC0415
 
     console, several = output(), study.threads
-    numbers = ("agents", "1 thread", f"{several} threads", "ratio", *STEP_PARTS, "Python")
+    numbers = ("agents", "1 thread", f"{several} threads", "ratio", "99 %", *STEP_PARTS, "Python")
     title = f"milliseconds per step, median (quartiles); parts with {several} threads"
     table = table_of(("scenario", *numbers), right=numbers, tight=True, title=title)
     before = ""

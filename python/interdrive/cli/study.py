@@ -30,8 +30,7 @@ class _Target(NamedTuple):
 @click.option(
     "--planner",
     metavar="NAME",
-    help="Planner of the agent and of the interactive other vehicle (rollout; with runtime frenet; with flow several, "
-    "NAME,NAME).",
+    help="Planner of the agent and of the interactive other vehicle (rollout; with flow several, NAME,NAME).",
 )
 @click.option("--predictor", metavar="NAME", help="Predictor (neural; with runtime lane_following).")
 @click.option(
@@ -308,7 +307,7 @@ def _runtime(
             steps=asked.steps or (10 if quick else 50),
             repetitions=asked.repetitions or (1 if quick else 3),
             threads=threads,
-            planner=planner or "frenet",
+            planner=planner or DEFAULT_PLANNER,
             settings=settings,
             on_run=report.counted,
             notes=notes,

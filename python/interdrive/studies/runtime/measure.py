@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import settings_of
 from interdrive.config.specs import read_planner
 from interdrive.errors import InputError
@@ -78,7 +79,7 @@ def runtime_study(
     steps: int = 50,
     repetitions: int = 3,
     threads: int | None = None,
-    planner: PlannerSpec = "frenet",
+    planner: PlannerSpec = DEFAULT_PLANNER,
     settings: SettingsSpec | None = None,
     on_run: Callable[[str, int, int], None] | None = None,
     notes: tuple[str, ...] = (),

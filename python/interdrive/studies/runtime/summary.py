@@ -35,6 +35,7 @@ SUMMARY_COLUMNS = (
     Column("lower", "number", "lower quartile", "s"),
     Column("median", "number", "median", "s"),
     Column("upper", "number", "upper quartile", "s"),
+    Column("slow", "number", "99 % quantile", "s"),
     *(Column(part, "number", f"{part} per step, median", "s") for part in PARTS),
 )
 
@@ -52,10 +53,11 @@ def summary_table(study: RuntimeStudy) -> ArrowTable:
     columns: dict[str, list[Any]] = {column.name: [] for column in SUMMARY_COLUMNS}
     for key, rows in places.items():
         seconds = np.array([steps["step"][row] for row in rows])
-        lower, median, upper = np.quantile(seconds, (0.25, 0.5, 0.75)).tolist()
+        lower, median, upper, slow = np.quantile(seconds, (0.25, 0.5, 0.75, 0.99)).tolist()
         values = dict(zip(_KEYS, key, strict=True))
         values |= {"participants": float(np.mean([steps["participants"][row] for row in rows])), "steps": len(rows)}
         values |= {"mean": float(seconds.mean()), "lower": lower, "median": median, "upper": upper}
+        values["slow"] = slow
         values |= {part: float(np.median([steps[part][row] for row in rows])) for part in PARTS}
         for name, value in values.items():
             columns[name].append(value)
@@ -63,7 +65,7 @@ def summary_table(study: RuntimeStudy) -> ArrowTable:
 
 
 def step_rows(study: RuntimeStudy) -> list[tuple[str, ...]]:
-    """A row per scenario and number of agents: medians (quartiles) and, with all threads, medians of the parts [ms]."""
+    """A row per scenario and number of agents: medians (quartiles) and, with all threads, slow steps and parts [ms]."""
     found: dict[tuple[Any, ...], dict[int, dict[str, Any]]] = {}
     for row in summary_table(study).to_pylist():
         found.setdefault((row["kind"], row["predictor"], row["agents"]), {})[row["threads"]] = row
@@ -77,7 +79,9 @@ def step_rows(study: RuntimeStudy) -> list[tuple[str, ...]]:
         parts = [f"{1e3 * several[part]:.2f}" for part in STEP_PARTS]
         ratio = f"{alone['median'] / several['median']:.2f}" if alone is not None else "–"
         share = f"{100 * several['python'] / several['median']:.1f} %"
-        rows.append((name, str(agents), _spread(alone), _spread(several), ratio, *parts, share))
+        rows.append(
+            (name, str(agents), _spread(alone), _spread(several), ratio, f"{1e3 * several['slow']:.3g}", *parts, share)
+        )
     return rows
 
 

@@ -1,0 +1,67 @@
+"""What whole commands take, each in a process of its own: imports, help, runs, and the development set in one call.
+
+    python benchmarks/commands.py [SCENARIOS]
+
+SCENARIOS is the folder of the development set (INTERDRIVE_SCENARIOS, or ../shared/scenarios). Runs have 24 agents, one
+thread and `lane_following`, and count the time of the processor; all else is wall time. Medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from targets import note
+
+#: Scenarios of whole runs, by the name of their target.
+RUNS = {"run_highway": "highway/USA_US101-23_1_T-1.xml", "run_arterial": "urban/CHN_Sha-3_1_T-1.xml"}
+RUN = ("--agents", "24", "--threads", "1", "--predictor", "lane_following", "--quiet", "--overwrite", "--out")
+
+
+def taken(command: list[str]) -> tuple[float, float]:
+    """Wall time and the processor's time of a command [s]."""
+    before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode not in (0, 1):
+        raise SystemExit(done.stderr.strip() or f"{' '.join(command)}: exit code {done.returncode}")
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenarios", type=Path, nargs="?")
+    parser.add_argument("--repetitions", type=int, default=7)
+    given = parser.parse_args()
+    scenarios = given.scenarios or Path(os.environ.get("INTERDRIVE_SCENARIOS", "../shared/scenarios"))
+    interdrive = str(Path(sys.executable).with_name("interdrive"))
+    print("| command | s | what |\n|---|--:|---|")
+
+    def tell(name: str, command: list[str], *, of_processor: bool, repetitions: int) -> None:
+        # The first one fills caches of files.
+        taken(command)
+        seconds = statistics.median(taken(command)[of_processor] for _ in range(repetitions))
+        note(name, seconds)
+        print(f"| {name} | {seconds:.3f} | {'CPU' if of_processor else 'wall'}, median of {repetitions} |", flush=True)
+
+    tell("python", [sys.executable, "-c", ""], of_processor=False, repetitions=given.repetitions)
+    tell("import", [sys.executable, "-c", "import interdrive"], of_processor=False, repetitions=given.repetitions)
+    tell("help", [interdrive, "--help"], of_processor=False, repetitions=given.repetitions)
+    with tempfile.TemporaryDirectory() as folder:
+        for name, file in RUNS.items():
+            command = [interdrive, "run", str(scenarios / file), *RUN, f"{folder}/{name}"]
+            tell(name, command, of_processor=True, repetitions=given.repetitions)
+        options = ["--predictor", "lane_following", "--workers", "2", "--quiet"]
+        command = [interdrive, "batch", str(scenarios), *options, "--out", f"{folder}/batch"]
+        tell("development", command, of_processor=False, repetitions=1)
+
+
+if __name__ == "__main__":
+    main()
