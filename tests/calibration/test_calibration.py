@@ -228,7 +228,8 @@ def test_files_of_drivers_are_read_as_they_were_written(tmp_path):
     ("options", "words"),
     [
         ({"planner": "frenet"}, "planner frenet: cannot be calibrated; idm and idm_mobil can"),
-        ({"hold_out": ["Rome"]}, "hold_out: no recording of Rome; there are DEU_Bypass, DEU_Motorway"),
+        ({"hold_out": ["Rome"]}, "hold_out: no recording of 'Rome'; there are DEU_Bypass, DEU_Motorway"),
+        ({"hold_out": [""]}, "hold_out: no recording of ''; there are DEU_Bypass, DEU_Motorway"),
         ({"hold_out": ["DEU_Bypass", "DEU_Motorway"]}, "every place is held out, so none is left to fit"),
         ({"stage": "C"}, "stage: expected A or B, not 'C'"),
         ({"evaluations": 0}, "evaluations: expected at least 1"),

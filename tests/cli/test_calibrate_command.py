@@ -69,7 +69,12 @@ def test_bad_input_is_one_line(file, tmp_path):
         (("calibrate", "--out", tmp_path / "out"), "calibrate: no recordings"),
         (("calibrate", "t_junction", "--out", tmp_path / "out"), "its traffic was not recorded"),
         (("calibrate", file, "--planner", "pdm", "--out", tmp_path / "out"), "planner pdm: cannot be calibrated"),
-        (("calibrate", file, "--hold-out", "Rome", "--out", tmp_path / "out"), "hold_out: no recording of Rome"),
+        (("calibrate", file, "--hold-out", "Rome", "--out", tmp_path / "out"), "hold_out: no recording of 'Rome'"),
+        (("calibrate", file, "--hold-out", ",", "--out", tmp_path / "out"), "--hold-out ,: write places as"),
+        (("calibrate", file, "--hold-out", "A,,B", "--out", tmp_path / "out"), "--hold-out A,,B: write places as"),
+        (("calibrate", file, "--hold-out", "", "--out", tmp_path / "out"), "--hold-out : write places as"),
+        (("calibrate", file, "--split", "no.toml", "--out", tmp_path / "out"), "split no.toml: cannot be read"),
+        (("calibrate", file, "--folds", "place", "--out", tmp_path / "out"), "folds: DEU_Motorway is the only place"),
         (("drivers", "hose"), "there is no population 'hose'; did you mean house?"),
     ):
         done = _run(*arguments)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from interdrive import _core
-from interdrive.calibration.evolution import Evolution
 from interdrive.calibration.following import Following, followers
 from interdrive.calibration.log import Log
 from interdrive.calibration.result import Calibration, drivers_file
-from interdrive.calibration.variables import VARIABLES, population, ranges, values_at
+from interdrive.calibration.split import Parts, read_parts
+from interdrive.calibration.stages import Stages
+from interdrive.calibration.variables import population, ranges, values_at
 from interdrive.calibration.verdicts import verdict
 from interdrive.calibration.worlds import SHORT_WINDOWS, Worlds
 from interdrive.config.drivers import WAVERING
@@ -26,102 +27,42 @@ from interdrive.files import content_of_input
 from interdrive.storage import replacing
 from interdrive.traffic_realism import realism
 from interdrive.traffic_realism.jobs import rollout_settings
-from interdrive.traffic_realism.windows import read_recordings, windows_of
+from interdrive.traffic_realism.windows import windows_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from interdrive.array_types import Floats
     from interdrive.config.drivers import Drivers
     from interdrive.config.schema import SettingsSpec, SimulationSettings
     from interdrive.run import Json
     from interdrive.traffic_realism import Realism
     from interdrive.traffic_realism.windows import Recording, Window
 
-#: Points of a generation, and the first steps of both stages in units of the variables.
-_SIZE_A, _STEP_A, _SIZE_B, _STEP_B = 14, 0.7, 10, 0.35
-#: The best populations of stage A begin stage B, with these spreads of the time gap, which stage A cannot tell apart.
-_SPREADS = (0.15, 0.3, 0.45, 0.6, 0.2, 0.35, 0.5, 0.25)
-#: Weight of the squared distance from the usual numbers.
-_PRIOR_WEIGHT = 0.002
 #: A place counts in stage A with at least so many vehicles.
 _VEHICLES_MIN = 10
 #: Short windows [s].
 _HORIZON = 8.0
-#: The population that a calibration writes.
-_FILE = "drivers.toml"
+#: The population that a calibration writes, and where those are that leave a place out.
+_FILE, _FOLDS = "drivers.toml", "folds"
 
 
-@dataclass
-class _Fit:
-    """A calibration under way."""
+@dataclass(frozen=True)
+class _Asked:
+    """What a calibration was asked for, besides the recordings."""
 
-    log: Log
-    followings: Sequence[Following]
+    planner: str
+    stage: str
+    evaluations: int
+    drives: int
+    long: float
+    rollouts: int
+    seed: int
+    settings: SimulationSettings
+    raw: bool
+    any_traffic: bool
+    licence: str
+    workers: int
     on_step: Callable[[str, int, int], None] | None
-
-    def short(self, evaluations: int, seed: int) -> tuple[list[Floats], list[float]]:
-        """Stage A: points and their objectives, the usual population first."""
-        n = len(VARIABLES)
-        points, objectives = [np.zeros(n)], [self._short_objective(np.zeros(n))]
-        search = Evolution(np.zeros(n), _STEP_A, _SIZE_A, seed)
-        while len(points) < evaluations:
-            asked = search.ask()
-            own = []
-            for z in asked:
-                self._say("stage A: populations behind recorded leaders", len(points), evaluations)
-                own.append(self._short_objective(z))
-                points.append(z)
-            search.tell(np.array(own))
-            objectives += own
-        return points, objectives
-
-    def _short_objective(self, z: Floats) -> float:
-        def parts() -> dict[str, float]:
-            drivers = population("candidate", values_at(z))
-            scores = [following.objective(drivers) for following in self.followings]
-            return {"places": float(np.mean(scores)), "prior": _prior(z)}
-
-        return self.log.objective("A", z, parts)
-
-    @staticmethod
-    def spread_out(best: Sequence[Floats]) -> list[Floats]:
-        """Where stage B begins: the best points of stage A with different spreads of the time gap."""
-        column = next(i for i, one in enumerate(VARIABLES) if one.name == "time_gap.sd")
-        found = [z.copy() for z in best[: len(_SPREADS)]]
-        for z, spread in zip(found, _SPREADS, strict=False):
-            z[column] = VARIABLES[column].units(spread)
-        return found
-
-    def long(self, worlds: Worlds, begin: Sequence[Floats], drives: int, seed: int) -> tuple[list[Floats], list[float]]:
-        """Stage B: points and their objectives; the usual population and the best ones of stage A first."""
-        n = len(VARIABLES)
-        points = [np.zeros(n), *begin][: max(drives, 2)]
-        objectives = [self._long_objective(worlds, z, i, drives) for i, z in enumerate(points)]
-        best = points[1 + int(np.argmin(objectives[1:]))]
-        varied = np.array([one.in_worlds for one in VARIABLES])
-        search = Evolution(best[varied], _STEP_B, _SIZE_B, seed)
-        while len(points) < drives:
-            own = []
-            for given in search.ask():
-                z = best.copy()
-                z[varied] = given
-                own.append(self._long_objective(worlds, z, len(points), drives))
-                points.append(z)
-            search.tell(np.array(own))
-            objectives += own
-        return points, objectives
-
-    def _long_objective(self, worlds: Worlds, z: Floats, number: int, total: int) -> float:
-        def parts() -> dict[str, float]:
-            self._say("stage B: populations in the world", number, total)
-            return {**worlds.parts(population("candidate", values_at(z))), "prior": _prior(z)}
-
-        return self.log.objective("B", z, parts)
-
-    def _say(self, what: str, done: int, total: int) -> None:
-        if self.on_step is not None:
-            self.on_step(what, min(done, total), total)
 
 
 def calibrate(
@@ -130,6 +71,8 @@ def calibrate(
     *,
     out: str | Path,
     hold_out: Sequence[str] = (),
+    split: str | Path | None = None,
+    folds: Literal["place"] | None = None,
     stage: Literal["A", "B"] = "B",
     evaluations: int = 600,
     drives: int = 60,
@@ -155,6 +98,11 @@ def calibrate(
         planner: Whose drivers they are: idm or idm_mobil.
         out: Folder of the calibration, with drivers.toml at the end.
         hold_out: Names of places that only check the result, such as DEU_MONAMerge.
+        split: TOML file with lists `fit`, `choose` and `test` of places, windows of a place in the order of time
+            (DEU_MONAEast:1-20), files and folders: those to fit, those that choose among the best populations, and
+            those that only check the result.
+        folds: With "place", each place is also left out in turn: a population that is fitted on the others is
+            measured there.
         stage: Last stage.
         evaluations: Populations of stage A.
         drives: Populations of stage B.
@@ -178,79 +126,122 @@ def calibrate(
         ResultsError: The folder is damaged or cannot be written.
     """
     _check(planner, stage, evaluations, drives, long, rollouts, workers)
+    if folds not in (None, "place"):
+        raise InputError(f"folds: expected place, not {folds!r}")
+    if folds is not None and (hold_out or split is not None):
+        raise InputError("folds: every place is left out in turn; give neither hold_out nor split")
     given = rollout_settings(settings, "turns")
     sources = [files] if isinstance(files, str | os.PathLike) else list(files)
-    recordings, notes = read_recordings(sources, raw=raw, any_traffic=any_traffic)
-    fitted, held = _split(recordings, hold_out)
-    windows = windows_of(fitted, horizon=_HORIZON)
-    followings = list(_followings(windows, given, seed))
+    parts = read_parts(sources, hold_out, split, raw=raw, any_traffic=any_traffic)
+    asked = _Asked(
+        planner, stage, evaluations, drives, long, rollouts, seed, given, raw, any_traffic, licence, workers, on_step
+    )
+    if folds is None:
+        return _calibrated(parts, asked, Path(out))
+    return _in_folds(parts, asked, Path(out))
+
+
+def _in_folds(parts: Parts, asked: _Asked, out: Path) -> Calibration:
+    """The calibration on all places, and one without each of them."""
+    places = list(dict.fromkeys(one.place for one in parts.fit))
+    if len(places) < 2:
+        raise InputError(f"folds: {places[0]} is the only place; leaving it out leaves none to fit")
+    whole = _calibrated(parts, asked, out, is_folded=True)
+    found = {place: _calibrated(parts.without(place), asked, out / _FOLDS / place) for place in places}
+    held_out: dict[str, Json] = {
+        "folds": {place: str(one.verdicts[place]) for place, one in found.items()},
+        "folds_energy_5": {place: one.provenance["held_out_energy_5"] for place, one in found.items()},
+    }
+    provenance = {**whole.provenance, **held_out}
+    _write(whole.file, whole.drivers, asked.planner, provenance)
+    return replace(whole, folds=found, provenance=provenance)
+
+
+def _calibrated(parts: Parts, asked: _Asked, out: Path, *, is_folded: bool = False) -> Calibration:
+    windows = windows_of(parts.fit, horizon=_HORIZON)
+    followings = list(_followings(windows, asked))
     if not followings:
         raise InputError(f"calibrate: no place has {_VEHICLES_MIN} vehicles that are recorded for 3.2 s after a start")
     places = tuple(following.vehicles.place for following in followings)
     what = {
-        "files": dict(_digests(recordings)),
-        "planner": planner,
-        "hold_out": sorted(hold_out),
-        "stage": stage,
-        "evaluations": evaluations,
-        "drives": drives,
-        "long": long,
-        "seed": seed,
-        "settings": repr(given),
-        "raw": raw,
+        "files": dict(_digests([*parts.fit, *parts.choose, *parts.test])),
+        "planner": asked.planner,
+        "hold_out": sorted({one.place for one in parts.test}),
+        "choose": [name for name, _ in _digests(parts.choose)],
+        "test": [name for name, _ in _digests(parts.test)],
+        "folds": is_folded,
+        "stage": asked.stage,
+        "evaluations": asked.evaluations,
+        "drives": asked.drives,
+        "long": asked.long,
+        "seed": asked.seed,
+        "settings": repr(asked.settings),
+        "raw": asked.raw,
         "version": _core.__version__,
     }
-    fit = _Fit(Log(out, what), followings, on_step)
-    points, objectives = fit.short(evaluations, seed)
+    fit = Stages(Log(out, what), followings, asked.on_step)
+    points, objectives = fit.short(asked.evaluations, asked.seed)
     tried, found_objectives = {"A": len(points)}, {"A": (objectives[0], min(objectives))}
-    order = np.argsort(objectives, kind="stable")
-    best, is_long = points[int(order[0])], False
-    if stage == "B":
-        worlds = Worlds(planner, *_chosen(fitted, windows, places, long), given, seed=seed, workers=workers)
-        in_worlds, costs = fit.long(worlds, fit.spread_out([points[i] for i in order]), drives, seed)
-        best, is_long = in_worlds[int(np.argmin(costs))], worlds.n_long > 0
-        tried["B"], found_objectives["B"] = len(in_worlds), (costs[0], min(costs))
-    row = min((row for row in fit.log.rows if row["stage"] == stage), key=lambda row: (row["objective"], row["index"]))
+    tested, costs, is_long = points, objectives, False
+    if asked.stage == "B":
+        worlds = _worlds(parts.fit, windows, places, asked)
+        begin = fit.spread_out([points[i] for i in np.argsort(objectives, kind="stable")])
+        tested, costs = fit.long(worlds, begin, asked.drives, asked.seed)
+        is_long = worlds.n_long > 0
+        tried["B"], found_objectives["B"] = len(tested), (costs[0], min(costs))
+    best, last = tested[int(np.argmin(costs))], asked.stage
+    if parts.choose:
+        best, found_objectives["choice"] = fit.chosen(tested, costs, _judges(parts.choose, asked))
+        last, tried["choice"] = "choice", fit.n_choice
+    row = next(row for row in fit.log.rows if (row["stage"], row["z"]) == (last, best.tolist()))
     spreads = ranges(np.array(points), np.array(objectives), is_long=is_long)
     values = values_at(best)
     drivers = population("calibrated", values)
-    measured = _measured(held, planner, drivers, given, rollouts, long, seed, raw, any_traffic, workers, on_step)
-    label = f"{planner},drivers={drivers.name}"
+    measured = _measured(parts.test, drivers, asked)
+    label = f"{asked.planner},drivers={drivers.name}"
+    # Whoever chooses among populations has seen them, too.
+    seen = tuple(dict.fromkeys([*places, *(one.place for one in parts.choose)]))
     verdicts = {
-        place: verdict(place, measured, label, places)
-        for place in dict.fromkeys([*places, *(one.place for one in held)])
+        place: verdict(place, measured, label, seen)
+        for place in dict.fromkeys([*seen, *(one.place for one in parts.test)])
     }
     provenance: dict[str, Json] = {
-        "places": list(places),
-        "held_out": sorted({one.place for one in held}),
-        "recordings": _by_place(fitted),
-        "licence": licence,
+        "places": list(seen),
+        "held_out": sorted({one.place for one in parts.test}),
+        "recordings": _by_place(parts.fit),
+        **({"chosen_on": _by_place(parts.choose)} if parts.choose else {}),
+        "licence": asked.licence,
         "version": _core.__version__,
-        "stage": stage,
-        "seed": seed,
+        "stage": asked.stage,
+        "seed": asked.seed,
         "evaluations": tried,
         "objective": {name: [round(value, 4) for value in pair] for name, pair in found_objectives.items()},
         "identifiable": {name: one.is_identified for name, one in spreads.items()},
         "held_out_energy_5": _energies(measured, label),
         "verdicts": {place: str(one) for place, one in verdicts.items()},
     }
-    file = Path(out) / _FILE
-    with replacing(file) as part:
-        part.write_text(drivers_file(drivers, planner, provenance), encoding="utf-8")
+    file = out / _FILE
+    if not is_folded:  # with folds it is written when all are known
+        _write(file, drivers, asked.planner, provenance)
     return Calibration(
         values=values,
         ranges=spreads,
-        planner=planner,
-        places=places,
+        planner=asked.planner,
+        places=seen,
         objectives=found_objectives,
         parts=row["parts"],
         evaluations=tried,
         file=file,
         verdicts=verdicts,
         realism=measured,
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(dict.fromkeys(parts.notes)),
         provenance=provenance,
     )
+
+
+def _write(file: Path, drivers: Drivers, planner: str, provenance: Mapping[str, Json]) -> None:
+    with replacing(file) as part:
+        part.write_text(drivers_file(drivers, planner, provenance), encoding="utf-8")
 
 
 def _check(planner: str, stage: str, evaluations: int, drives: int, long: float, rollouts: int, workers: int) -> None:
@@ -269,25 +260,31 @@ def _check(planner: str, stage: str, evaluations: int, drives: int, long: float,
         raise InputError(f"workers: expected at least 1, not {workers}")
 
 
-def _split(recordings: Sequence[Recording], hold_out: Sequence[str]) -> tuple[list[Recording], list[Recording]]:
-    """Recordings to fit, and those of places that are held out."""
-    places = list(dict.fromkeys(one.place for one in recordings))
-    for place in hold_out:
-        if place not in places:
-            raise InputError(f"hold_out: no recording of {place}; there are {', '.join(places)}")
-    fitted = [one for one in recordings if one.place not in hold_out]
-    if not fitted:
-        raise InputError("hold_out: every place is held out, so none is left to fit")
-    return fitted, [one for one in recordings if one.place in hold_out]
+def _judges(recordings: Sequence[Recording], asked: _Asked) -> list[Following] | Worlds:
+    """By whom the best populations are compared: in the world, if the last stage was there."""
+    windows = windows_of(recordings, horizon=_HORIZON)
+    followings = _followings(windows, asked)
+    if not followings:
+        raise InputError(f"calibrate: no place that chooses has {_VEHICLES_MIN} vehicles")
+    if asked.stage == "A":
+        return followings
+    return _worlds(recordings, windows, [one.vehicles.place for one in followings], asked)
 
 
-def _followings(windows: Sequence[Window], settings: SimulationSettings, seed: int) -> Sequence[Following]:
+def _worlds(recordings: Sequence[Recording], windows: Sequence[Window], places: Sequence[str], asked: _Asked) -> Worlds:
+    short, long = _chosen(recordings, windows, places, asked.long)
+    return Worlds(asked.planner, short, long, asked.settings, seed=asked.seed, workers=asked.workers)
+
+
+def _followings(windows: Sequence[Window], asked: _Asked) -> list[Following]:
     """Of each place with enough vehicles."""
     found = []
     for place in dict.fromkeys(window.place for window in windows):
         own = [window for window in windows if window.place == place]
         if sum(len(window.judged) for window in own) >= _VEHICLES_MIN:
-            found.append(Following(followers(place, own, [window.judged for window in own], settings), seed))
+            found.append(
+                Following(followers(place, own, [window.judged for window in own], asked.settings), asked.seed)
+            )
     return found
 
 
@@ -304,10 +301,6 @@ def _chosen(
     return short, [window for window in far if window.place in places]
 
 
-def _prior(z: Floats) -> float:
-    return _PRIOR_WEIGHT * float((z**2).sum())
-
-
 def _digests(recordings: Sequence[Recording]) -> Sequence[tuple[str, str]]:
     return sorted((file.name, sha256(content_of_input(file)).hexdigest()) for one in recordings for file in one.files)
 
@@ -321,35 +314,22 @@ def _by_place(recordings: Sequence[Recording]) -> dict[str, str]:
     return found
 
 
-def _measured(
-    held: Sequence[Recording],
-    planner: str,
-    drivers: Drivers,
-    settings: SimulationSettings,
-    rollouts: int,
-    long: float,
-    seed: int,
-    raw: bool,
-    any_traffic: bool,
-    workers: int,
-    on_step: Callable[[str, int, int], None] | None,
-) -> Realism | None:
+def _measured(held: Sequence[Recording], drivers: Drivers, asked: _Asked) -> Realism | None:
     """The population at the places that were held out; None without any."""
     if not held:
         return None
-    choice = Choice(planner, {"drivers": drivers})
     return realism(
         [file for one in held for file in one.files],
-        [choice],
-        rollouts=rollouts,
+        [Choice(asked.planner, {"drivers": drivers})],
+        rollouts=asked.rollouts,
         horizon=_HORIZON,
-        long=long,
-        seed=seed,
-        settings=settings,
-        raw=raw,
-        any_traffic=any_traffic,
-        workers=workers,
-        on_step=on_step,
+        long=asked.long,
+        seed=asked.seed,
+        settings=asked.settings,
+        raw=asked.raw,
+        any_traffic=asked.any_traffic,
+        workers=asked.workers,
+        on_step=asked.on_step,
     )
 
 

@@ -36,6 +36,7 @@ class Calibration:
         realism: What was measured at the places that were held out; None: there are none.
         notes: What there is to know about the recordings.
         provenance: Where the numbers are from, as in the file.
+        folds: By place that was left out, what was found on the others; empty without folds.
     """
 
     values: Mapping[str, float]
@@ -50,6 +51,7 @@ class Calibration:
     realism: Realism | None = field(repr=False)
     notes: tuple[str, ...] = ()
     provenance: Mapping[str, Json] = field(default_factory=dict, repr=False)
+    folds: Mapping[str, Calibration] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"<Calibration of {self.planner} on {', '.join(self.places)}>"

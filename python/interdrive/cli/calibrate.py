@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 @click.option(
     "--out", metavar="DIR", required=True, help="Folder of the calibration; the same one goes on where it was."
 )
-@click.option("--hold-out", metavar="PLACE,PLACE", default="", help="Places that only check the result.")
+@click.option("--hold-out", metavar="PLACE,PLACE", help="Places that only check the result.")
+@click.option(
+    "--split", metavar="TOML", help="File that says what is fitted, what chooses, and what checks the result."
+)
+@click.option("--folds", type=click.Choice(("place",)), help="Also leave out each place in turn, and measure there.")
 @click.option("--stage", type=click.Choice(("A", "B")), default="B", help="Last stage (B): A leaves out the world.")
 @click.option("--evaluations", metavar="N", type=int, default=600, help="Populations of stage A (600).")
 @click.option("--drives", metavar="N", type=int, default=60, help="Populations of stage B (60).")
@@ -39,7 +43,9 @@ def calibrate(
     files: tuple[str, ...],
     planner: str,
     out: str,
-    hold_out: str,
+    hold_out: str | None,
+    split: str | None,
+    folds: str | None,
     stage: str,
     evaluations: int,
     drives: int,
@@ -58,7 +64,8 @@ def calibrate(
     FILE is a CommonRoad file with recorded traffic, a FOLDER stands for all files in it; windows of one recording are
     joined. Stage A lets vehicles follow the leaders that they have in the recording; stage B drives the best
     populations in the world, for seconds and for longer, so that safety and the spread of drivers count. The result,
-    drivers.toml, is measured on the places that are held out, and called realistic on none that it was fitted on.
+    drivers.toml, is measured on the places that are held out, and called realistic on none that it was fitted on. With
+    folds, those that are fitted without a place are in DIR/folds/PLACE.
     Ctrl-C keeps what was found; the same command goes on.
     """
     if not files:
@@ -73,7 +80,9 @@ def calibrate(
                 files,
                 planner,
                 out=out,
-                hold_out=[name for name in hold_out.split(",") if name],
+                hold_out=_places(hold_out),
+                split=split,
+                folds=cast("Literal['place'] | None", folds),
                 stage=cast("Literal['A', 'B']", stage),
                 evaluations=evaluations,
                 drives=drives,
@@ -93,6 +102,14 @@ def calibrate(
     if not quiet:
         _tell(found)
     return 0
+
+
+def _places(text: str | None) -> list[str]:
+    """Names between commas."""
+    found = [] if text is None else [name.strip() for name in text.split(",")]
+    if not all(found):
+        raise InputError(f"--hold-out {text}: write places as DEU_MONAMerge,DEU_AachenBendplatz")
+    return found
 
 
 def _tell(found: Calibration) -> None:
@@ -120,5 +137,9 @@ def _tell(found: Calibration) -> None:
         print_table(console, table, names=2)
     for place, one in found.verdicts.items():
         say(f"{place}: {one}")
+    for place, fold in found.folds.items():
+        rows = [] if fold.realism is None else fold.realism.rows
+        said = "".join(f"energy after 5 s {row.energy[5]:.2f} m, " for row in rows if "drivers=" in row.planner)
+        say(f"{place}, left out: {said}{fold.verdicts[place]}")
     print_notes(console, found.notes, "calibration.json")
     say(f"drivers in {shown(found.file)}")

@@ -21,13 +21,16 @@ from interdrive.errors import InputError
     default="rollout",
     help="Planners to measure (rollout), each followed by its settings.",
 )
+@click.option(
+    "--drivers", metavar="NAME|FILE", help="Population of which all of these planners have drivers, as drivers=NAME."
+)
 @click.option("--goals", metavar="INFORMATION", default="turns", help="What agents know: timed, place, route or turns.")
 @click.option(
     "--rollouts", metavar="N", type=int, default=8, help="Rollouts of each start, for planners that draw (8)."
 )
 @click.option("--horizon", metavar="SECONDS", type=float, default=8.0, help="Length of rollouts (8).")
 @click.option("--long", metavar="SECONDS", type=float, default=40.0, help="Length of long rollouts (40); 0: none.")
-@click.option("--starts", metavar="S,S", default="", help="Times in each recording at which agents begin to plan.")
+@click.option("--starts", metavar="S,S", help="Times in each recording at which agents begin to plan.")
 @click.option("--seed", metavar="N", type=click.IntRange(min=0), default=0, help="Seed of all that is drawn (0).")
 @click.option(
     "--set", "assignments", metavar="NAME=VALUE", multiple=True, help="A setting; `interdrive settings` lists them."
@@ -43,11 +46,12 @@ from interdrive.errors import InputError
 def realism(
     files: tuple[str, ...],
     planners: str,
+    drivers: str | None,
     goals: str,
     rollouts: int,
     horizon: float,
     long: float,
-    starts: str,
+    starts: str | None,
     seed: int,
     assignments: tuple[str, ...],
     raw: bool,
@@ -83,12 +87,12 @@ def realism(
     ):
         found = measured(
             files,
-            [planners],
+            _with_drivers(planners, drivers),
             goals=cast("Information", goals),
             rollouts=rollouts,
             horizon=horizon,
             long=long,
-            starts=_times(starts),
+            starts=[] if starts is None else _times(starts),
             seed=seed,
             settings=assigned(assignments),
             raw=raw,
@@ -103,8 +107,24 @@ def realism(
     return 0
 
 
+def _with_drivers(planners: str, drivers: str | None) -> list[str]:
+    """Planners, each with these drivers."""
+    from interdrive.batches.plan import labels_of  # noqa: PLC0415 - numpy
+
+    labels = labels_of([planners], "planner")
+    if drivers is None:
+        return labels
+    for label in labels:
+        if any(part.strip().startswith("drivers=") for part in label.split(",")):
+            raise InputError(f"--drivers {drivers}: planner {label} has drivers of its own")
+    return [f"{label},drivers={drivers}" for label in labels]
+
+
 def _times(text: str) -> list[float]:
     try:
-        return [float(part) for part in text.split(",") if part.strip()]
+        found = [float(part) for part in text.split(",")]
     except ValueError:
         raise InputError(f"--starts {text}: write times in seconds as 1,9,17") from None
+    if len(set(found)) < len(found):
+        raise InputError(f"--starts {text}: a time is given twice")
+    return found

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.run.reasons import said_count
 from interdrive.storage import Column, arrow_table, labels
 from interdrive.traffic_realism.measures import FEATURE_SETS, HORIZONS, QUANTITIES
 
@@ -124,10 +125,10 @@ class Realism:
     def about(self) -> str:
         """What was measured, in a sentence."""
         goals, settings = str(self.settings["goals"]), self.settings
-        return (
-            f"{len(self.windows)} starts in {len(self.files)} files, {settings['rollouts']} rollouts each; every "
-            f"planner {KNOWS[goals]} (goals: {goals})."
-        )
+        starts, files = said_count(len(self.windows), "start"), said_count(len(self.files), "file")
+        rollouts = said_count(int(str(settings["rollouts"])), "rollout")
+        each = "" if len(self.windows) == 1 else " each"
+        return f"{starts} in {files}, {rollouts}{each}; every planner {KNOWS[goals]} (goals: {goals})."
 
     @property
     def table(self) -> ArrowTable:

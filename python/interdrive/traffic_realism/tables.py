@@ -42,7 +42,7 @@ def sheets(found: Realism) -> Iterator[Sheet]:
                 *_named(row),
                 str(row.vehicles),
                 *(_text(row.energy[h]) for h in HORIZONS),
-                f"{_text(row.energy_interval[5][0])} to {_text(row.energy_interval[5][1])}",
+                _interval(row.energy_interval[5]),
                 _text(row.crps[5]),
             )
             for row in found.rows
@@ -113,6 +113,10 @@ def _named(row: Row) -> tuple[str, str]:
         row.place if row.is_claim else f"{row.place} (few)",
         f"{row.planner} (fitted here)" if row.is_fitted else row.planner,
     )
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    return "" if any(map(math.isnan, ends)) else f"{_text(ends[0])} to {_text(ends[1])}"
 
 
 def _text(value: float | None, digits: int = 2) -> str:

@@ -18,7 +18,7 @@ from interdrive.scenario.native import core_shape
 from interdrive.traffic_realism.tracks import GRID, Tracks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     from interdrive.array_types import Bools, Ints
     from interdrive.scenario import Scenario
@@ -113,9 +113,15 @@ def place_of(name: str) -> str:
 
 
 def read_recordings(
-    sources: Sequence[str | Path], *, raw: bool, any_traffic: bool
+    sources: Sequence[str | Path], *, raw: bool, any_traffic: bool, only: Collection[Path] | None = None
 ) -> tuple[list[Recording], list[str]]:
     """Recordings of files and folders; windows of one recording are joined.
+
+    Args:
+        sources: Files and folders.
+        raw: Read them without repairs.
+        any_traffic: Take simulated and invented traffic, too.
+        only: Those of `files_of` that are read; None: all.
 
     Returns:
         The recordings, and a line per file that is left out.
@@ -125,7 +131,9 @@ def read_recordings(
     """
     notes: list[str] = []
     groups: dict[str, list[Scenario]] = defaultdict(list)
-    for path, is_named in _files(sources):
+    for path, is_named in files_of(sources):
+        if only is not None and path not in only:
+            continue
         try:
             scenario = _read(path, any_traffic=any_traffic)
         except InputError as error:
@@ -158,7 +166,8 @@ def _read(path: Path, *, any_traffic: bool) -> Scenario:
     return scenario
 
 
-def _files(sources: Sequence[str | Path]) -> Iterable[tuple[Path, bool]]:
+def files_of(sources: Sequence[str | Path]) -> Iterable[tuple[Path, bool]]:
+    """Files that are given by themselves or in folders, and whether by themselves."""
     for source in sources:
         path = Path(source)
         if path.is_dir():
