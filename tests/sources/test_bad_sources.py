@@ -120,6 +120,19 @@ def test_a_track_that_is_at_two_places_at_a_time_is_refused(here):
     assert refused("convert", "twice.csv", "--map", "lanes.csv") == "error: twice.csv: track 7 has time 0 twice\n"
 
 
+def test_tracks_that_say_nothing_are_refused(here):
+    ff.neutral_map(here)
+    (here / "empty.csv").write_text(ff.tracks([]))
+    assert refused("convert", "empty.csv", "--map", "lanes.csv") == "error: empty.csv: has no rows\n"
+    nowhere = [(name, time, math.nan, *rest) for name, time, _, *rest in ff.car()]
+    (here / "nowhere.csv").write_text(ff.tracks(nowhere))
+    said = refused("convert", "nowhere.csv", "--map", "lanes.csv")
+    assert said == "error: nowhere.csv: no row has a time, x and y that are finite numbers\n"
+    (here / "partly.csv").write_text(ff.tracks(nowhere[:3] + ff.car()[3:]))
+    done = CliRunner().invoke(main, ["convert", "partly.csv", "--map", "lanes.csv", "--out", "partly.xml"])
+    assert done.exit_code == 0, done.output
+
+
 def test_tracks_far_from_their_map_are_refused_with_what_to_check(here):
     ff.neutral_map(here)
     rows = [(name, time, x + 5e6, *rest) for name, time, x, *rest in ff.car()]

@@ -393,11 +393,29 @@ def test_who_is_in_the_way_of_an_agent_that_enters_leaves_for_good(crossing):
     assert "p" not in run.sumo.name
 
 
+def run_of(folder, here):
+    command = [sys.executable, "-m", "interdrive", "run", str(folder), "--out", "made", "--quiet"]
+    return subprocess.run(command, cwd=here, capture_output=True, text=True, check=False)
+
+
 def test_the_command_ends_with_exit_code_1_when_sumo_ends(crossing, tmp_path):
+    """A route to nowhere, which SUMO reads when it is due."""
+    route, config = crossing / "crossing.rou.xml", crossing / "crossing.sumocfg"
+    vehicle = '<vehicle id="{0}" depart="{0}"><route edges="west_center {1}"/></vehicle>'
+    late = vehicle.format(3, "center_east") + vehicle.format(4, "nowhere")
+    route.write_text(route.read_text().replace("</routes>", f"{late}</routes>"))
+    config.write_text(config.read_text().replace("</input>", '<route-steps value="1"/></input>'))
+    done = run_of(crossing, tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
+    assert done.stderr.startswith("error: SUMO ended at time step ")
+    assert not (tmp_path / "made").exists()
+
+
+def test_files_that_sumo_refuses_are_bad_input(crossing, tmp_path):
     route = crossing / "crossing.rou.xml"
     route.write_text(route.read_text().replace("west_center center_east", "west_center nowhere"))
-    command = [sys.executable, "-m", "interdrive", "run", str(crossing), "--out", "made", "--quiet"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith("error: SUMO ended at ")
+    done = run_of(crossing, tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert done.stderr.startswith("error: crossing.sumocfg: SUMO refuses it: ")
+    assert "nowhere" in done.stderr
     assert not (tmp_path / "made").exists()

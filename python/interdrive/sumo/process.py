@@ -15,7 +15,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from interdrive.errors import InterdriveError, MissingExtraError
+from interdrive.errors import InputError, InterdriveError, MissingExtraError
 
 if TYPE_CHECKING:
     from interdrive.scenario import SumoTraffic
@@ -57,9 +57,10 @@ class Process:
 
         Raises:
             MissingExtraError: SUMO is not installed.
+            InputError: It refuses its files, and says why.
             SumoError: It does not start.
         """
-        self.version = installed_version()
+        self.version, self._config = installed_version(), sumo.config
         folder = tempfile.mkdtemp(prefix="interdrive-sumo-")
         for name, content in sumo.files:
             path = Path(folder) / name
@@ -88,7 +89,7 @@ class Process:
                 "before": sumo.presimulation_steps,
                 "prefix": _own(prefix, sumo),
             },
-            "at its start",
+            None,
         )
         self._silence = self._said.stat().st_size  # what it says of its libraries is not why it ends
 
@@ -98,13 +99,13 @@ class Process:
         Raises:
             SumoError: It has ended.
         """
-        return self._ask(request, f"at time step {time_step}")
+        return self._ask(request, time_step)
 
     def close(self) -> None:
         """Ends it."""
         self._close()
 
-    def _ask(self, request: dict[str, Any], when: str) -> dict[str, Any]:
+    def _ask(self, request: dict[str, Any], time_step: int | None) -> dict[str, Any]:
         assert self._child.stdin is not None and self._child.stdout is not None
         try:
             self._child.stdin.write(json.dumps(request) + "\n")
@@ -116,7 +117,10 @@ class Process:
         if "error" in answer:
             said = answer["error"] or self._last_line()
             self.close()
-            raise SumoError(f"SUMO ended {when}: {said}")
+            if time_step is None and answer["error"]:
+                raise InputError(f"{self._config}: SUMO refuses it: {said}")
+            when = "its start" if time_step is None else f"time step {time_step}"
+            raise SumoError(f"SUMO ended at {when}: {said}")
         return answer
 
     def _last_line(self) -> str:

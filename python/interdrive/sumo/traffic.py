@@ -78,6 +78,7 @@ class Traffic:
 
         Raises:
             MissingExtraError: SUMO is not installed.
+            InputError: SUMO refuses its files.
             SumoError: It does not start.
         """
         assert scenario.sumo is not None

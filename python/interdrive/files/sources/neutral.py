@@ -37,6 +37,8 @@ def read(file: SourceFile, _: SourceOptions) -> Source:
     if "side" in table.names:
         return Source(roads_of(table, links_beside(file, file.path.name)), notes=notes)
     table.require(_TRACKS)
+    if not len(table):
+        raise InputError(f"{file.path}: has no rows")
     names, track = table.words("track_id")
     kinds: tuple[str, ...] = ("car",) * len(names)
     if "kind" in table.names:

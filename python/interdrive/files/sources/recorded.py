@@ -91,9 +91,9 @@ def recorded(tracks: Tracks, options: SourceOptions, taken: Sequence[int], file:
         notes: What was closed, split and left out is added.
 
     Raises:
-        InputError: A track has a time twice, or there are too many states; one line.
+        InputError: A track has a time twice, no row says when and where, or there are too many states; one line.
     """
-    tracks = _sorted(_present(tracks, options, notes), file)
+    tracks = _sorted(_present(tracks, options, file, notes), file)
     if not len(tracks.time):
         return _tables([], [], [], [], [], [], file)
     first = float(tracks.time.min()) if options.start is None else options.start
@@ -175,9 +175,11 @@ def _densified(bound: Floats) -> Floats:
     return np.column_stack([np.interp(at, along, column) for column in bound.T])
 
 
-def _present(tracks: Tracks, options: SourceOptions, notes: Notes) -> Tracks:
+def _present(tracks: Tracks, options: SourceOptions, file: str, notes: Notes) -> Tracks:
     """Without rows whose time or place is not a finite number; shifted."""
     is_there = np.isfinite(tracks.time) & np.isfinite(tracks.x) & np.isfinite(tracks.y)
+    if len(is_there) and not is_there.any():
+        raise InputError(f"{file}: no row has a time, x and y that are finite numbers")
     if not is_there.all():
         notes.leave_out("rows", "without time or position", int((~is_there).sum()))
     rest = _of_rows(tracks, is_there)
