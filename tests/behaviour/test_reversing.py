@@ -306,6 +306,12 @@ def test_the_goal_of_a_recorded_car_has_the_speed_with_which_it_ends(velocity, t
         assert least == 0.0
 
 
+def test_no_agent_of_the_t_junction_backs_out_behind_a_car_that_gives_way_with_its_wheels_turned():
+    # 2001 stands for 5 s behind 1006, which has begun to turn: there would be room beside it after a way back.
+    run = simulate("t_junction", predictor="lane_following")
+    assert np.nanmin(run.states.velocity) > -0.1  # m/s
+
+
 def test_a_recorded_car_that_reverses_in_between_is_replayed_to_its_goal():
     scenario = replace(world(straight_road()), obstacles=recorded(7, 60.0, (6.0, 40), (-6.0, 10), 6.0))
     run = simulate(scenario, agents=[7], planner="recorded", threads=1)

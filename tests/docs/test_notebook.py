@@ -28,7 +28,7 @@ def test_the_notebook_runs_and_its_cells_show_tables_figures_progress_and_the_re
     run, outcomes, velocity, straight, report, part, batch = (
         shown(cell) for cell in notebook.cells if cell.cell_type == "code"
     )
-    assert "6 goal_reached" in run["text/plain"]
+    assert "7 goal_reached" in run["text/plain"]
     assert "<table" in run["text/html"]
     assert "outcome" in outcomes["text/html"]
     assert velocity["image/png"]

@@ -102,6 +102,7 @@ impl Bench {
             prediction_index: &self.prediction_index,
             previous: None,
             previous_age: 0,
+            standing: 0.0,
             rules: Rules::default(),
             last_time_step: None,
             lane_change: LaneChange::default(),

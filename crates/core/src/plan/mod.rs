@@ -167,6 +167,8 @@ pub struct PlanRequest<'a> {
     pub previous: Option<&'a Trajectory>,
     /// How many steps ago `previous` was made.
     pub previous_age: usize,
+    /// For how long it has stood [s].
+    pub standing: f64,
     /// The rules of the road that it obeys.
     pub rules: Rules<'a>,
     /// Last time step of the grace period; `None` if the goal has no end.

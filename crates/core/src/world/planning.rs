@@ -235,6 +235,7 @@ impl World {
             prediction_index,
             previous: drive.plan.as_ref().map(|(plan, _)| plan),
             previous_age: drive.plan.as_ref().map_or(0, |(_, made)| (self.time_step - made) as usize),
+            standing: drive.memory.standing as f64 * self.scenario.dt,
             rules,
             last_time_step: drive.last_time_step(&self.settings.step),
             lane_change: LaneChange::default(),

@@ -9,10 +9,12 @@ use super::start::Start;
 use super::steering::{Along, Rollout, Steering};
 use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::geometry::Point;
-use crate::trajectory::{State, Trajectory};
+use crate::trajectory::State;
 
-/// A plan that comes less far than this is stuck [m].
+/// A plan that comes less far than this is stuck [m], once the agent has stood for so long [s]: whoever stands ahead may be
+/// about to drive on.
 const STUCK_WAY: f64 = 1.0;
+const PATIENCE: f64 = 5.0;
 /// With a way back the agent must come further by this than without [m].
 const GAIN: f64 = 2.0;
 /// No other vehicle moves within this distance [m].
@@ -43,14 +45,12 @@ impl Search<'_> {
         self.is_free(&rollout).then_some(rollout)
     }
 
-    /// A way back from which the agent comes clearly further than with the best plan, if it stands and waits neither for
-    /// another participant nor at a line.
+    /// A way back from which the agent comes clearly further than with the best plan, if it has stood for long and waits
+    /// neither for another participant nor at a line.
     pub(super) fn reverse(&mut self, best_way: f64) -> Option<Rollout> {
         let request = self.task.request;
         let start = self.task.start;
-        let stood =
-            |plan: &Trajectory| plan.points[0].velocity.abs() < STANDSTILL_SPEED && way(&plan.points) < STUCK_WAY;
-        if !start.stands || best_way >= STUCK_WAY || !request.previous.is_some_and(stood) {
+        if !start.stands || best_way >= STUCK_WAY || request.standing < PATIENCE {
             return None;
         }
         let here = request.state.pose().position;
@@ -166,11 +166,6 @@ impl Speeds {
         let acceleration = (0..n_points).map(|i| (next(i) - velocity[i]) / dt).collect();
         Self { velocity, acceleration, s: f64::NAN }
     }
-}
-
-/// Length of a plan [m].
-fn way(points: &[State]) -> f64 {
-    points.windows(2).map(|pair| pair[0].pose().position.distance(pair[1].pose().position)).sum()
 }
 
 #[cfg(test)]

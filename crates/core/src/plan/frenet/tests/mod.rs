@@ -10,6 +10,7 @@ mod single;
 mod starts;
 
 use super::{Candidates, FrenetMemory, FrenetSettings, candidates, plan};
+use crate::conduct::STANDSTILL_SPEED;
 use crate::control::Control;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::shape::{PlacedShape, Shape};
@@ -60,6 +61,8 @@ pub(in crate::plan) struct Drive {
     pub(in crate::plan) road: RoadNetwork,
     pub(in crate::plan) cars: Vec<Car>,
     pub(in crate::plan) previous: Option<(Trajectory, usize)>,
+    /// Steps for which it has stood.
+    pub(in crate::plan) standing: usize,
     /// Predicted steps, and how many steps ago they were predicted.
     pub(in crate::plan) n_predicted: usize,
     pub(in crate::plan) prediction_age: i64,
@@ -108,6 +111,7 @@ impl Drive {
             road,
             cars: vec![],
             previous: None,
+            standing: 0,
             n_predicted: 30,
             prediction_age: 0,
             rules: None,
@@ -202,6 +206,7 @@ impl Drive {
             prediction_index: &PredictionIndex::of(&predictions, &self.positions()),
             previous: self.previous.as_ref().map(|(plan, _)| plan),
             previous_age: self.previous.as_ref().map_or(0, |(_, age)| *age),
+            standing: self.standing as f64 * self.dt,
             rules: self.rules.as_ref().map_or_else(Rules::default, |(control, settings)| Rules {
                 control,
                 settings,
@@ -225,6 +230,7 @@ impl Drive {
     pub(in crate::plan) fn step(&mut self, result: PlanResult) {
         self.state = result.trajectory.points[1];
         self.previous = Some((result.trajectory, 1));
+        self.standing = if self.state.velocity.abs() < STANDSTILL_SPEED { self.standing + 1 } else { 0 };
         self.time_step += 1;
         for car in &mut self.cars {
             car.pose = car.after(self.dt);
