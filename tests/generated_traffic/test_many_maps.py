@@ -117,9 +117,7 @@ def check(drives, seconds):
         assert not found.same_lane_contacts, where
         vehicles, maps = vehicles + found.vehicles, maps + 1
         crossing += [(file.name, *pair) for pair in found.crossing_contacts]
-    # One in thousands does (4.5 m/s² on DEU_Moelln-10_2 with seed 3).
-    assert len(hard) <= 0.001 * vehicles, hard
-    assert all(needed < 6.0 for *_, needed in hard), hard
+    assert not hard, hard
     # `idm` follows; whom it meets at an angle it sees only where rules say who goes first.
     assert len(crossing) <= 0.01 * vehicles, crossing
     return maps, vehicles, len(crossing)

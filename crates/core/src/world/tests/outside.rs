@@ -88,6 +88,19 @@ fn what_was_before_newcomers_is_as_without_them() {
 }
 
 #[test]
+fn without_anybody_from_outside_a_step_is_as_it_always_was() {
+    let [mut among, mut plain] = [alone(), alone()];
+    for _ in 0..5 {
+        go_on(&mut among, &Outside::default()).expect("a step");
+        let now = state(&plain, 1).expect("it drives");
+        move_to(&mut plain, &[(1, at(now.x + 1.0, 0.0, 10.0))]);
+    }
+    let said = |world: &World| format!("{:?} {:?}", world.recording().states(), world.recording().plans());
+    assert_eq!(said(&among), said(&plain));
+    assert_eq!(among.participants().ids, [1, 5]);
+}
+
+#[test]
 fn who_is_there_from_the_beginning_is_placed_before_the_first_step() {
     let mut world = alone();
     world.place_outside(&driven(&[9], &[(9, at(80.0, 3.5, 5.0))])).expect("before the first step");
