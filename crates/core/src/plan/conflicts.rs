@@ -98,6 +98,8 @@ pub(super) struct Conflicts {
     /// Where participants are beside the path, shape (others, modes, points), as far as the present plan has looked.
     placed: Vec<Placed>,
     plan: u64,
+    /// Where the path of the plan lies.
+    region: Region,
     /// What the plan found on the way before.
     before: (Vec<PathInterval>, Vec<PathOccupancy>),
 }
@@ -107,6 +109,7 @@ impl Conflicts {
     /// until `decide`.
     pub(super) fn collect(&mut self, request: &PlanRequest, ego: &Ego, n_points: usize, barriers: Barriers) {
         self.plan += 1;
+        self.region = Region::of_path(ego);
         let n_places = request.others.len() * request.predictions.n_modes * n_points;
         if self.placed.len() < n_places {
             self.placed.resize(n_places, Placed::NEVER);
@@ -122,7 +125,7 @@ impl Conflicts {
         self.occupancies.clear();
         (self.n_points, self.dt) = (n_points, request.dt);
         self.barriers = barriers;
-        let region = Region::new(ego);
+        let region = self.region.around(ego);
         let mut placed = std::mem::take(&mut self.placed);
         let n_places = request.predictions.n_modes * n_points;
         for (index, other) in request.others.iter().enumerate() {

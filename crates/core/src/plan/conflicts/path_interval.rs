@@ -124,7 +124,7 @@ impl<'a> Ego<'a> {
     }
 }
 
-/// The part of the world in which the corridor ahead lies.
+/// The part of the world in which the path, or the corridor, ahead lies.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Region {
     pub(super) aabb: Aabb,
@@ -134,8 +134,16 @@ pub(super) struct Region {
     pub(super) straight: Option<(Point, Point)>,
 }
 
+impl Default for Region {
+    /// Of nothing.
+    fn default() -> Self {
+        Self { aabb: Aabb::EMPTY, behind: None, straight: None }
+    }
+}
+
 impl Region {
-    pub(super) fn new(ego: &Ego) -> Self {
+    /// Of the path.
+    pub(super) fn of_path(ego: &Ego) -> Self {
         /// Distance of the places on the path that are looked at [m]; the box is widened by what lies between.
         const SPACING: f64 = 5.0;
         let n = ego.path.steps_from(ego.s, SPACING, (ego.reach / SPACING).ceil());
@@ -148,10 +156,15 @@ impl Region {
             nearest = nearest.min((at.position - origin).dot(axis));
             turn = turn.max((at.theta - here.theta).abs());
         }
-        // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
-        let aabb = aabb.grown(ego.half_width + ego.d.abs().max(ego.target.abs()) + CORRIDOR_MARGIN + 0.7);
         let here = Some((origin, axis));
         Self { aabb, behind: here.filter(|_| nearest >= 0.0), straight: here.filter(|_| turn < STRAIGHT_TURN) }
+    }
+
+    /// Of the corridor of the vehicle along the path.
+    pub(super) fn around(self, ego: &Ego) -> Self {
+        // Between two of the points a bend of 5 m radius bulges by less than 0.7 m.
+        let aabb = self.aabb.grown(ego.half_width + ego.d.abs().max(ego.target.abs()) + CORRIDOR_MARGIN + 0.7);
+        Self { aabb, ..self }
     }
 
     /// For a body of a radius [m].

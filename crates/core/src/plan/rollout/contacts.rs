@@ -68,6 +68,8 @@ struct Body {
     margin: [f64; 3],
     /// Of its box [m].
     radius: f64,
+    /// Its longest way from one point to the next [m].
+    way: f64,
 }
 
 /// All that the vehicle can meet; the memory is reused.
@@ -133,6 +135,7 @@ impl Surroundings {
                 overlaps_now,
                 margin,
                 radius: body.radius(),
+                way: 0.0,
             });
         }
     }
@@ -168,6 +171,7 @@ impl Surroundings {
                 self.boxes.push(other.shape.oriented_box_along(position, request.prediction_index.axis(k)));
             }
             let n = self.boxes.len() - first;
+            let way = longest(self.boxes[first..].iter().map(|one| one.center));
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
             let radius = now.radius();
             let (is_static, stands) = (false, other.velocity.abs() < STATIONARY_SPEED);
@@ -183,6 +187,7 @@ impl Surroundings {
                 overlaps_now,
                 margin,
                 radius,
+                way,
             });
         }
     }
@@ -195,9 +200,10 @@ impl Surroundings {
     /// The first contact that is the vehicle's to avoid, with a share of its margins.
     pub(super) fn first_contact(&self, request: &PlanRequest, points: &[DrivenPoint], share: f64) -> Option<Contact> {
         let mut first: Option<Contact> = None;
+        let way = longest(points.iter().map(|point| point.center));
         for body in self.bodies.iter().filter(|body| body.is_hard) {
             let last = first.map_or(points.len(), |contact| contact.point);
-            first = self.contact(body, request, &points[..last], share).or(first);
+            first = self.contact(body, request, (&points[..last], way), share).or(first);
         }
         first
     }
@@ -211,9 +217,10 @@ impl Surroundings {
         settings: &RolloutSettings,
     ) -> f64 {
         let mut missing: f64 = 1.0;
+        let way = longest(points.iter().map(|point| point.center));
         for body in self.bodies.iter().filter(|body| body.stands) {
             for share in std::iter::once(1.0).chain(SHARES) {
-                let Some(Contact { speed, .. }) = self.contact(body, request, points, share) else { break };
+                let Some(Contact { speed, .. }) = self.contact(body, request, (points, way), share) else { break };
                 let margin = settings.margin_width + settings.margin_time * speed;
                 missing = missing.max((1.0 - share + SHARES[2]) * margin / MISSING_MIN);
             }
@@ -221,16 +228,31 @@ impl Surroundings {
         missing
     }
 
-    fn contact(&self, body: &Body, request: &PlanRequest, points: &[DrivenPoint], share: f64) -> Option<Contact> {
+    /// The first contact with a body at points between which the vehicle drives at most a way [m].
+    fn contact(
+        &self,
+        body: &Body,
+        request: &PlanRequest,
+        (points, longest): (&[DrivenPoint], f64),
+        share: f64,
+    ) -> Option<Contact> {
+        /// Rounding.
+        const SAFETY: f64 = 1.0 + 1e-9;
         let [along, across, across_time] = body.margin.map(|margin| share * margin);
         let vehicle = request.vehicle;
         let radii = body.radius + 0.5 * vehicle.length.hypot(vehicle.width) + along;
+        let ways = longest + body.way;
+        let furthest = SAFETY * (radii + across + across_time * ways / request.dt + ways);
         let mut before = self.at(body, 0)?;
         let mut is_together = body.overlaps_now;
         for i in 1..points.len() {
             let other = self.at(body, i)?;
-            let (moved, way) = (other.center - before.center, points[i].center - points[i - 1].center);
             let apart = points[i].center - other.center;
+            if apart.norm_squared() > furthest * furthest {
+                (before, is_together) = (other, false);
+                continue;
+            }
+            let (moved, way) = (other.center - before.center, points[i].center - points[i - 1].center);
             let other_before = std::mem::replace(&mut before, other);
             let passing = (way - moved).norm() / request.dt;
             let beside = across + across_time * passing;
@@ -298,6 +320,13 @@ impl Surroundings {
         }
         sum * RISK_STEP as f64 * request.dt
     }
+}
+
+/// The longest way between consecutive places [m].
+fn longest(places: impl Iterator<Item = Point>) -> f64 {
+    let mut before = None;
+    let squares = places.map(|place| before.replace(place).map_or(0.0, |before| (place - before).norm_squared()));
+    squares.fold(0.0, f64::max).sqrt()
 }
 
 /// The margins to keep to a body passed at a speed [m/s], and whether the vehicle overlaps it now. Where it is nearer now, it
