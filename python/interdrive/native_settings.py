@@ -290,6 +290,9 @@ class Idm(CarFollowing):
         desired_velocity_max: Upper bound of the desired speed v0. Positive.
         lateral_acceleration: Lateral acceleration in curves, at most three quarters of the vehicle's limit.
             Positive and at most 100.
+        improved: Share of the improved model (Treiber and Kesting 2013, section 11.3.7), in which who follows keeps
+            its time gap at any speed below the desired one; in the plain one the gap grows as the speed nears it.
+            Between 0 and 1.
         noise: Standard deviation of a random part of the acceleration: how much the driver wavers. Between 0 and 5.
         noise_length: Time over which that part changes. Positive and at most 60.
         noise_seed: Which random parts of acceleration and place in the lane these are. Between 0 and 4294967295.
@@ -298,10 +301,13 @@ class Idm(CarFollowing):
             and 1.
         lateral_noise: Standard deviation of a random part of that place. Between 0 and 1.
         lateral_length: Time over which that part changes. Positive and at most 60.
+        lateral_way: Way on which that part changes instead, however long it takes; 0: it changes with time. Between
+            0 and 1000.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
     lateral_acceleration: Annotated[float, "m/s²"] = 4.0
+    improved: float = 0.0
     noise: Annotated[float, "m/s²"] = 0.0
     noise_length: Annotated[float, "s"] = 1.5
     noise_seed: int = 0
@@ -309,6 +315,7 @@ class Idm(CarFollowing):
     lateral_kept: float = 0.0
     lateral_noise: Annotated[float, "m"] = 0.0
     lateral_length: Annotated[float, "s"] = 2.0
+    lateral_way: Annotated[float, "m"] = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

@@ -119,6 +119,23 @@ def test_who_is_alone_drives_as_the_law_says(driven):
     assert way[0, :, 1] == pytest.approx(0.1 * (first + speed[0, :, 1]), abs=1e-12)
 
 
+def test_who_has_its_gap_behind_a_recorded_leader_keeps_its_speed_in_the_improved_model(driven):
+    windows = windows_of([Recording("here", driven, ())], horizon=8.0, starts=[1.0])
+    vehicles = followers("here", windows, [windows[0].judged], rollout_settings(None, "turns"))
+    speed = np.full_like(vehicles.gap, 18.0)
+    way = np.concatenate((np.zeros((len(speed), 6)), np.cumsum(0.2 * speed, axis=1) - 3.6), axis=1)
+    gap = np.full_like(vehicles.gap, 2.0 + 1.5 * 18.0)
+    wanted = np.full_like(vehicles.wanted, 20.0)
+    steady = replace(vehicles, way=way, speed=speed, gap=gap, leader=speed, wanted=wanted)
+    values = {**PLANTED, "time_gap.median": 1.5, "minimum_gap.median": 2.0, "noise": 0.0, "time_gap_kept": 0.0}
+    drivers = population("same", {**values, "desired_factor.median": 1.0, "free_weight.median": 1.0})
+    alike = replace(drivers, parameters={name: replace(one, sd=0.0) for name, one in drivers.parameters.items()})
+    _, kept = Following(steady, 0).driven(replace(alike, improved=1.0))
+    assert kept == pytest.approx(18.0, abs=1e-9), "m/s"
+    _, lost = Following(steady, 0).driven(alike)
+    assert lost[..., -1].max() < 17.5
+
+
 def test_numbers_that_fits_do_not_agree_on_are_not_identified():
     z = np.zeros((40, len(VARIABLES)))
     z[:, 2] = np.linspace(-1.5, 1.5, 40)

@@ -70,7 +70,7 @@ def test_the_calibrated_population_says_where_it_is_from():
     assert found.planner == "idm"
     assert set(found.provenance["held_out"]).isdisjoint(found.fitted_on)
     assert "keep terms of their own" in found.provenance["licence"]
-    assert {"noise", "time_gap_kept", "lateral_kept"} <= set(found.constants)
+    assert {"noise", "time_gap_kept", "lateral_kept", "lateral_way"} <= set(found.constants)
 
 
 def test_a_file_has_transforms_correlations_and_kinds(file):
@@ -175,12 +175,55 @@ def test_planners_that_do_not_waver_take_the_rest_of_a_population(road, tmp_path
     assert read_drivers(str(path)).settings("rollout", 0, 12) == {"comfort.time_gap": 1.4}
 
 
+def test_a_file_may_say_that_drivers_stay_where_they_start_in_their_lane(tmp_path):
+    path = tmp_path / "start.toml"
+    path.write_text('format = 1\n[driver]\nlateral_offset = "start"\n')
+    assert read_drivers(str(path)).constants == {"lateral_kept": 1.0}
+
+
+def _moved_aside(speed, words):
+    """How fast a car of constant speed gets aside within 6 s, at most [m/s]."""
+    road = world(straight_road(300.0), cars=[Car(11, 0.0, 0.0, speed)], steps=60)
+    place = {"goal.information": "turns"}
+    run = idr.simulate(road, planner=f"idm,lateral_noise=0.25,noise_seed=5,{words}", settings=place)
+    y = run.states.y[0][np.isfinite(run.states.y[0])]
+    return float(np.abs(np.diff(y)).max() / 0.1)
+
+
+def test_a_place_that_changes_with_the_way_is_left_more_slowly_by_who_is_slow():
+    with_time = [_moved_aside(speed, "lateral_length=1.8") for speed in (3.0, 15.0)]
+    with_way = [_moved_aside(speed, "lateral_way=25") for speed in (3.0, 15.0)]
+    assert with_time[0] > 0.7 * with_time[1]
+    assert with_way[0] < 0.5 * with_way[1]
+    assert with_way[0] < 0.5 * with_time[0]
+
+
+def test_who_follows_in_the_improved_model_keeps_its_time_gap_near_its_desired_speed():
+    road = world(straight_road(3000.0), cars=[Car(11, 0.0, 0.0, 19.0), Car(12, 60.0, 0.0, 19.0)], steps=600)
+    settings = {"goal.information": "turns", "step.max_steps": 600}
+
+    def gap(improved):
+        planner = {11: f"idm,time_gap=1.5,improved={improved},driver.desired_factor=1.1", "default": "recorded"}
+        run = idr.simulate(road, planner=planner, settings=settings)
+        x = run.states.x[:, -1] if np.isfinite(run.states.x[:, -1]).all() else run.states.x[:, -2]
+        return float(x[1] - x[0] - run.states.length[0])
+
+    kept = 2.0 + 1.5 * 19.0
+    assert gap(1.0) == pytest.approx(kept, abs=0.6), "m"
+    assert gap(0.0) > kept + 5.0, "m"
+
+
 @pytest.mark.parametrize(
     ("table", "words"),
     [
+        ('lateral_offset = "end"', r"driver.lateral_offset: must be a number from -2 to 2, is 'end'"),
+        (
+            'lateral_offset = "start"\nlateral_kept = 0.5',
+            r"driver.lateral_offset: is start, which lateral_kept says, too",
+        ),
         ("noise = 9.0", r"driver.noise: must be a number from 0 to 5, is 9.0"),
         ("noise_length = 0", r"driver.noise_length: must be a number from 0.01 to 60, is 0"),
-        ("mood = 1", r"driver.mood: is not known; there are noise, noise_length"),
+        ("mood = 1", r"driver.mood: is not known; there are improved, noise, noise_length"),
     ],
 )
 def test_noise_that_is_none_is_refused(table, words, tmp_path):

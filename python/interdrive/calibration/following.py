@@ -182,14 +182,14 @@ class Following:
         recorded_way = vehicles.way[:, _PAST:]
         for point in range(_POINTS + 1):
             ways[..., point], speeds[..., point] = way, speed
-            ratio = speed / wanted
-            over = -b * (1.0 - np.maximum(ratio, 1.0) ** (-a * _EXPONENT / b))
-            free = np.where(ratio <= 1.0, a * (1.0 - np.minimum(ratio, 1.0) ** _EXPONENT), over)
+            pace = speed / wanted
+            over = -b * (1.0 - np.maximum(pace, 1.0) ** (-a * _EXPONENT / b))
+            free = np.where(pace <= 1.0, a * (1.0 - np.minimum(pace, 1.0) ** _EXPONENT), over)
             gap = np.maximum(vehicles.gap[:, point] + recorded_way[:, point] - way, _GAP_LEAST)
             approach = (speed - vehicles.leader[:, point]) / (2.0 * np.sqrt(a * b))
             desired_gap = own["minimum_gap"] + np.maximum(speed * (own["time_gap"] + approach), 0.0)
-            taken = np.where(np.isfinite(gap), -a * (desired_gap / gap) ** 2, 0.0)
-            wish = free + taken
+            ratio = np.where(np.isfinite(gap), (desired_gap / gap) ** 2, 0.0)
+            wish = _combined(free, ratio, a, drivers.improved)
             wish = np.where(wish < -_BRAKES, wish, wish + noise[..., point] * np.minimum(speed / _SLOW, 1.0))
             wish = np.clip(wish, *_LIMITS)
             later = speed + wish * GRID
@@ -237,3 +237,15 @@ class Following:
     def _share_close(self, gap: Floats) -> float:
         there = self.vehicles.known & np.isfinite(gap)
         return float((gap[there] < _GAP_MIN).mean()) if there.any() else 0.0
+
+
+def _combined(free: Floats, ratio: Floats, acceleration: Floats, improved: float) -> Floats:
+    """The free acceleration with what the leader takes away from it, as in the core; ratio: (s* / s)²."""
+    plain = free - acceleration * ratio
+    if improved <= 0.0:
+        return plain
+    near = np.minimum(free, 0.0) + acceleration * (1.0 - ratio)
+    exponent = acceleration / np.where(free > 0.0, free, 1.0)
+    far = np.where(free > 0.0, free * (1.0 - np.minimum(ratio, 1.0) ** exponent), free)
+    found: Floats = plain + improved * (np.where(ratio < 1.0, far, near) - plain)
+    return found

@@ -21,7 +21,8 @@ USUAL_SPREAD = 0.25
 _DECELERATION = 1.5
 #: Where in their lanes drivers are is not fitted: each keeps its side, and moves within the lane as on MONA East, where
 #: offsets change by 0.16, 0.35 and 0.41 m (root mean square) in 1, 3 and 5 s.
-_LATERAL_KEPT, _LATERAL_NOISE, _LATERAL_LENGTH = 1.0, 0.25, 1.8
+#: They do so with their way rather than with time: the slower they drive, the less they move aside.
+_LATERAL_KEPT, _LATERAL_NOISE, _LATERAL_WAY = 1.0, 0.25, 30.0
 #: What shows a variable varies among fits of nearly the same quality by less than this, in units.
 _NARROW = 1.0
 #: Such fits are worse than the best one by at most this share; fewer than so many of them say nothing.
@@ -101,7 +102,7 @@ def population(name: str, values: dict[str, float]) -> Drivers:
         time_gap_kept=values["time_gap_kept"],
         lateral_kept=_LATERAL_KEPT,
         lateral_noise=_LATERAL_NOISE,
-        lateral_length=_LATERAL_LENGTH,
+        lateral_way=_LATERAL_WAY,
     )
 
 

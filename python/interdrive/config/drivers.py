@@ -123,12 +123,14 @@ class Drivers:
         parameters: Distributions by parameter, in the order of `PARAMETERS`.
         correlation: Correlations of the normal numbers behind two parameters.
         kinds: Distributions that differ for a kind of vehicle, such as "truck".
+        improved: Share of the improved model, in which who follows keeps its time gap at any speed.
         noise: Standard deviation of a random part of the acceleration [m/s²], which differs from agent to agent.
         noise_length: Time over which that part changes [s].
         lateral_offset: Where in their lanes they drive, to the left of the middle [m].
         lateral_kept: Share of the offset at the start that each keeps besides.
         lateral_noise: Standard deviation of a random part of that place [m].
         lateral_length: Time over which that part changes [s].
+        lateral_way: Way on which that part changes instead [m]; 0: it changes with time.
         time_gap_kept: How much of its headway at the start each keeps: its time gap is the drawn one times the headway
             over 1.5 s, to this power.
         planner: Whose drivers they are, where they were fitted; empty: any planner's.
@@ -139,12 +141,14 @@ class Drivers:
     parameters: Mapping[str, Distribution]
     correlation: tuple[tuple[str, str, float], ...] = ()
     kinds: Mapping[str, Mapping[str, Distribution]] = field(default_factory=dict)
+    improved: float = 0.0
     noise: float = 0.0
     noise_length: float = 1.5
     lateral_offset: float = 0.0
     lateral_kept: float = 0.0
     lateral_noise: float = 0.0
     lateral_length: float = 2.0
+    lateral_way: float = 0.0
     time_gap_kept: float = 0.0
     planner: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -344,14 +348,18 @@ def _provenance(given: object) -> Mapping[str, Any]:
 
 #: Bounds of `[driver]`, as those of the settings of `idm`.
 _CONSTANTS = {
+    "improved": (0.0, 1.0),
     "noise": (0.0, 5.0),
     "noise_length": (0.01, 60.0),
     "lateral_offset": (-2.0, 2.0),
     "lateral_kept": (0.0, 1.0),
     "lateral_noise": (0.0, 1.0),
     "lateral_length": (0.01, 60.0),
+    "lateral_way": (0.0, 1000.0),
     "time_gap_kept": (0.0, 1.0),
 }
+#: A `lateral_offset` that each driver has at its start: all of it is kept.
+_AT_START = "start"
 #: Those that are no settings of a planner.
 _BESIDE_SETTINGS = ("time_gap_kept",)
 #: Lengths that mean nothing without the noise that they belong to.
@@ -361,6 +369,10 @@ _LENGTHS = {"noise": "noise_length", "lateral_noise": "lateral_length"}
 def _constants(given: object) -> dict[str, float]:
     if not isinstance(given, Mapping):
         raise InputError("driver", "must be a table")
+    if given.get("lateral_offset") == _AT_START:
+        if "lateral_kept" in given:
+            raise InputError("driver.lateral_offset", f"is {_AT_START}, which lateral_kept says, too")
+        given = {**given, "lateral_offset": 0.0, "lateral_kept": 1.0}
     for name, value in given.items():
         if name not in _CONSTANTS:
             raise InputError(f"driver.{name}", f"is not known; there are {', '.join(_CONSTANTS)}")

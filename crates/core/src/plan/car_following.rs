@@ -65,6 +65,26 @@ impl CarFollowing {
         self.acceleration + self.interaction(velocity, gap, leader_velocity)
     }
 
+    /// The free acceleration with what leaders and barriers take away from it [m/s²]. `allowed` is the acceleration if the
+    /// road ahead of them were free, see `following`. The plain model adds both; the improved one, of which this is a share,
+    /// does so only above the desired speed: below it, who is as far behind as it wants keeps its speed.
+    pub(super) fn combined(&self, free: f64, allowed: f64, improved: f64) -> f64 {
+        let taken = (allowed - self.acceleration).min(0.0);
+        let plain = free + taken;
+        if improved <= 0.0 {
+            return plain;
+        }
+        let ratio = -taken / self.acceleration; // (s* / s)²
+        let other = if ratio >= 1.0 {
+            self.acceleration + taken + free.min(0.0)
+        } else if free > 0.0 {
+            free * (1.0 - ratio.powf(self.acceleration / free))
+        } else {
+            free
+        };
+        plain + improved * (other - plain)
+    }
+
     /// The whole model [m/s²]: a (1 - (v / v0)^delta - (s* / s)²).
     pub fn acceleration(&self, velocity: f64, desired_velocity: f64, gap: f64, leader_velocity: f64) -> f64 {
         self.free(velocity, desired_velocity) + self.interaction(velocity, gap, leader_velocity)
@@ -126,6 +146,30 @@ mod tests {
 
     const LAW: CarFollowing =
         CarFollowing { time_gap: 1.5, minimum_gap: 2.0, acceleration: 1.0, deceleration: 4.0, exponent: 4.0 };
+
+    #[test]
+    fn who_has_its_time_gap_keeps_its_speed_in_the_improved_model_alone() {
+        let (v, v0) = (18.0, 20.0);
+        let free = LAW.free(v, v0);
+        let behind = |gap: f64| LAW.following(v, gap, v);
+        let wanted = LAW.desired_gap(v, v);
+        assert!((LAW.combined(free, behind(wanted), 0.0) - (free - LAW.acceleration)).abs() < 1e-12);
+        assert!(LAW.combined(free, behind(wanted), 1.0).abs() < 1e-12);
+        assert!(LAW.combined(free, behind(0.9 * wanted), 1.0) < 0.0);
+        assert!(LAW.combined(free, behind(1.1 * wanted), 1.0) > 0.0);
+        let half = LAW.combined(free, behind(wanted), 0.5);
+        assert!((half - 0.5 * (free - LAW.acceleration)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn both_models_are_one_without_a_leader_and_nearly_so_above_the_desired_speed() {
+        for (v, v0, gap) in [(18.0, 20.0, f64::INFINITY), (22.0, 20.0, f64::INFINITY), (22.0, 20.0, 10.0)] {
+            let (free, allowed) = (LAW.free(v, v0), LAW.following(v, gap, v));
+            let (plain, improved) = (LAW.combined(free, allowed, 0.0), LAW.combined(free, allowed, 1.0));
+            let expected = if gap.is_finite() { plain + LAW.acceleration } else { plain };
+            assert!((improved - expected).abs() < 1e-12, "{v} {gap}");
+        }
+    }
 
     #[test]
     fn the_safe_speed_keeps_the_time_gap_to_a_leader_of_the_same_speed() {

@@ -17,6 +17,8 @@ const CRUISE_VELOCITY_MIN: f64 = 15.0;
 
 /// A driver reaches the place in its lane where it wants to be within this time [s], ...
 const KEEPING_TIME: f64 = 1.5;
+/// ... or on the way on which that place changes, if it changes with the way, but within this time [s], ...
+const KEEPING_TIME_MAX: f64 = 10.0;
 /// ... unless it is farther away than this [m], as in a lane change, ...
 const KEEPING_OFFSET: f64 = 1.0;
 /// ... and stays this far from the edges of its lane [m].
@@ -26,9 +28,10 @@ const ENTRY_NEAR: f64 = 20.0;
 /// The random part of its place is not that of its acceleration.
 const LATERAL_SEED: usize = 1 << 33;
 
-/// Time within which an offset from the wanted place is given up [s], of a driver who otherwise takes `usual` for it.
-pub(super) fn keeping_time(settings: &IdmSettings, offset: f64, usual: f64) -> f64 {
-    if settings.keeps_place() && offset.abs() < KEEPING_OFFSET { KEEPING_TIME } else { usual }
+/// Time within which an offset from the wanted place is given up at a speed [m, m/s, s], of a driver who otherwise takes
+/// `usual` for it.
+pub(super) fn keeping_time(settings: &IdmSettings, offset: f64, velocity: f64, usual: f64) -> f64 {
+    if settings.keeps_place() && offset.abs() < KEEPING_OFFSET { settings.keeping_time(velocity) } else { usual }
 }
 
 settings! {
@@ -45,6 +48,9 @@ settings! {
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
+        /// Share of the improved model (Treiber and Kesting 2013, section 11.3.7), in which who follows keeps its time gap
+        /// at any speed below the desired one; in the plain one the gap grows as the speed nears it.
+        improved: f64 = 0.0, between(0.0, 1.0);
         /// Standard deviation of a random part of the acceleration: how much the driver wavers.
         noise: f64 ["m/s²"] = 0.0, between(0.0, 5.0);
         /// Time over which that part changes.
@@ -59,6 +65,8 @@ settings! {
         lateral_noise: f64 ["m"] = 0.0, between(0.0, 1.0);
         /// Time over which that part changes.
         lateral_length: f64 ["s"] = 2.0, positive(60.0);
+        /// Way on which that part changes instead, however long it takes; 0: it changes with time.
+        lateral_way: f64 ["m"] = 0.0, between(0.0, 1000.0);
     }
 }
 
@@ -70,8 +78,8 @@ impl IdmSettings {
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
     }
 
-    /// Where beside the middle of a lane of a width [m] it wants to be, to the left [m].
-    pub(super) fn aside(&self, request: &PlanRequest, width: impl FnOnce() -> f64) -> f64 {
+    /// Where beside the middle of a lane of a width [m] it wants to be at an arc length [m], to the left [m].
+    pub(super) fn aside(&self, request: &PlanRequest, s: f64, width: impl FnOnce() -> f64) -> f64 {
         if !self.keeps_place() {
             return 0.0;
         }
@@ -83,11 +91,22 @@ impl IdmSettings {
             aside += self.lateral_kept * foot.map_or(0.0, |foot| foot.1);
         }
         let seed = self.noise_seed.wrapping_add(LATERAL_SEED);
-        if let Some(noise) = Noise::new(self.lateral_noise, self.lateral_length, seed) {
-            aside += noise.value(request.time_step as f64 * request.dt + KEEPING_TIME);
+        let (length, at) = if self.lateral_way > 0.0 {
+            let velocity = request.state.velocity.max(0.0);
+            (self.lateral_way, s + velocity * self.keeping_time(velocity))
+        } else {
+            (self.lateral_length, request.time_step as f64 * request.dt + KEEPING_TIME)
+        };
+        if let Some(noise) = Noise::new(self.lateral_noise, length, seed) {
+            aside += noise.value(at);
         }
         let room = (0.5 * (width() - request.vehicle.width) - EDGE_GAP).max(0.0);
         aside.clamp(-room, room)
+    }
+
+    /// Within which it reaches that place [s].
+    fn keeping_time(&self, velocity: f64) -> f64 {
+        KEEPING_TIME.max((self.lateral_way / velocity.max(f64::MIN_POSITIVE)).min(KEEPING_TIME_MAX))
     }
 
     /// It wants to be elsewhere than in the middle of its lane.
@@ -116,12 +135,13 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
         let braking = if has_pace { profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         law.free(velocity, wish.min(profile.at(s))).min(braking)
     };
-    let aside = settings.aside(request, || width(request, start.s));
+    let aside = settings.aside(request, start.s, || width(request, start.s));
     let following = Following {
         law,
+        improved: settings.improved,
         lateral_acceleration: settings.lateral_acceleration,
         noise: settings.wavering(),
-        place: (aside, keeping_time(settings, start.d - aside, RETURN_TIME)),
+        place: (aside, keeping_time(settings, start.d - aside, start.velocity, RETURN_TIME)),
     };
     follow_path(request, &following, start, (limit, free), memory)
 }
@@ -129,6 +149,8 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
 /// How a path is followed.
 pub(super) struct Following<'a> {
     pub(super) law: &'a CarFollowing,
+    /// Share of the improved model.
+    pub(super) improved: f64,
     /// In curves [m/s²].
     pub(super) lateral_acceleration: f64,
     pub(super) noise: Option<Noise>,
@@ -155,7 +177,7 @@ pub(super) fn follow_path(
     (limit, free_road): (impl Fn(f64) -> f64, impl Fn(&SpeedProfile, f64, f64) -> f64),
     memory: &mut PlanningMemory,
 ) -> PlanResult {
-    let &Following { law, lateral_acceleration, ref noise, place } = following;
+    let &Following { law, improved, lateral_acceleration, ref noise, place } = following;
     let path = &request.route.path;
     let n_points = request.predictions.n_steps + 1;
     let ego = Ego { target: place.0, ..Ego::new(request, path, (start.s, start.velocity, start.d), place.1) };
@@ -166,10 +188,9 @@ pub(super) fn follow_path(
     let deference = Deference::full(law.minimum_gap);
     let drive = |conflicts: &super::conflicts::Conflicts, point: usize, s: f64, velocity: f64| {
         let free = free_road(speed_profile, s, velocity);
-        // The model adds both parts; `allowed` holds the acceleration of a free road.
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken = conflicts.allowed(point, &ego, (s, velocity), deference, follow) - law.acceleration;
-        let wanted = free + taken.min(0.0);
+        let allowed = conflicts.allowed(point, &ego, (s, velocity), deference, follow);
+        let wanted = law.combined(free, allowed, improved);
         let time = (request.time_step + point as i64) as f64 * request.dt;
         limited(noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity)), velocity, request.vehicle)
     };

@@ -53,8 +53,13 @@ pub(super) fn plan(request: &PlanRequest, settings: &LawfulSettings, memory: &mu
         let slowing = (desired(s + velocity * SLOWING_TIME) - velocity) / SLOWING_TIME;
         law.free(velocity, desired(s)).min(slowing.max(-SLOWING_MAX))
     };
-    let following =
-        Following { law, lateral_acceleration: settings.lateral_acceleration, noise: None, place: (0.0, RETURN_TIME) };
+    let following = Following {
+        law,
+        improved: 0.0,
+        lateral_acceleration: settings.lateral_acceleration,
+        noise: None,
+        place: (0.0, RETURN_TIME),
+    };
     follow_path(request, &following, start, (lawful, free), memory)
 }
 

@@ -93,11 +93,11 @@ pub(super) fn plan(
         Ok(start) => start,
         Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
-    let aside = settings.idm.aside(request, || lane.width(start.s, request.road));
+    let aside = settings.idm.aside(request, start.s, || lane.width(start.s, request.road));
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
-    let place = (aside, keeping_time(&settings.idm, start.d - aside, time));
+    let place = (aside, keeping_time(&settings.idm, start.d - aside, start.velocity, time));
     let ego = Ego { target: place.0, ..Ego::new(request, &lane.path, (start.s, start.velocity, start.d), place.1) };
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
@@ -111,8 +111,8 @@ pub(super) fn plan(
         let braking = if has_pace { speed_profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         let free = free.min(braking);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
-        let taken = (conflicts.allowed(point, &ego, (s, velocity), deference, follow) - law.acceleration).min(0.0);
-        let wanted = free + taken;
+        let allowed = conflicts.allowed(point, &ego, (s, velocity), deference, follow);
+        let wanted = law.combined(free, allowed, settings.idm.improved);
         let time = (request.time_step + point as i64) as f64 * request.dt;
         let wanted = noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity));
         let beside = yields_to.map_or(f64::INFINITY, |leader| {
@@ -144,7 +144,7 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
         neighbours.is_free() && new.is_none_or(|(with, _)| with >= -settings.safe_deceleration)
     };
     let beside = lanes.beside(aim.lane, aim.s, request.road);
-    let aside = settings.idm.aside(request, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    let aside = settings.idm.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
     if (aim.d - aside).abs() > SETTLED_OFFSET {
         // Under way. Back only while the agent is mostly in the lane that it leaves.
         let half = 0.5 * lanes.lanes[aim.lane].width(aim.s, request.road);
@@ -199,7 +199,7 @@ fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lan
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
     let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
-    let aside = settings.idm.aside(request, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    let aside = settings.idm.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
     if !is_urgent || (aim.d - aside).abs() > SETTLED_OFFSET {
         return None;
     }
