@@ -143,6 +143,8 @@ performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/r
 	mkdir -p out
 	$(BIN)/interdrive study runtime --out out/study_runtime --overwrite
 	$(BIN)/python benchmarks/start.py > out/start.md
+	$(BIN)/python benchmarks/commands.py
+	$(BIN)/python benchmarks/environments.py $(STORED)
 	$(BIN)/python benchmarks/floors.py > out/floors.md
 	.venv-third/bin/python benchmarks/against_frenetix.py --times-only > out/frenetix.md
 	$(BIN)/python benchmarks/peers/rule_based.py > out/rule_based.md

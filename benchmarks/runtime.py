@@ -95,12 +95,15 @@ def measured_targets(study: RuntimeStudy) -> dict[str, float]:
     by_run = {(row["scenario"], row["predictor"], row["agents"], row["threads"]): row for row in rows}
     found: dict[str, float] = {}
     name = "lane_following"
+    slow = []
     for key, kind in KINDS.items():
-        named = [row for row in rows if (row["kind"], row["predictor"], row["agents"]) == (kind, name, 24)]
-        for row in named:
-            if row["threads"] == study.threads:
+        wanted = (kind, name, 24, study.threads)
+        for row in rows:
+            if (row["kind"], row["predictor"], row["agents"], row["threads"]) == wanted:
                 found[key] = row["median"]
-                found["step_slow"] = max(found.get("step_slow", 0.0), row["slow"])
+                slow.append(row["slow"])
+    if len(slow) == len(KINDS):
+        found["step_slow"] = max(slow)
     highway = by_run.get((HIGHWAY, name, 24, study.threads))
     if highway is not None:
         found["python_share"] = highway["python"] / highway["median"]
