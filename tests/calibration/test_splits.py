@@ -49,6 +49,18 @@ def test_a_split_divides_windows_places_and_folders(folder, tmp_path):
     assert "1 of 5 files are in no part of the split" in parts.notes
 
 
+def test_windows_of_a_place_are_counted_by_recording_and_then_by_time(tmp_path):
+    later, earlier = ("DEU_Lane-2_1_T-79", "DEU_Lane-2_80_T-159"), ("DEU_Lane-1_80_T-159", "DEU_Lane-1_400_T-479")
+    tenth = "DEU_Lane-10_1_T-79"
+    for name in (*later, *earlier, tenth):
+        _motorway(tmp_path, name, 30.0)
+    split = _split(tmp_path, tmp_path, 'fit = ["DEU_Lane:1-2"]\nchoose = ["DEU_Lane:3-4"]\ntest = ["DEU_Lane:5-5"]\n')
+    parts = read_parts([tmp_path], (), split, raw=False, any_traffic=False)
+    assert _names(parts.fit) == sorted(earlier)
+    assert _names(parts.choose) == sorted(later)
+    assert _names(parts.test) == [tenth]
+
+
 def test_the_part_that_chooses_picks_one_of_the_best_and_counts_as_seen(folder, tmp_path):
     split = _split(tmp_path, folder, 'fit = ["DEU_Motorway"]\nchoose = ["DEU_Bypass"]\ntest = ["DEU_Avenue"]\n')
     found = idr.calibrate(folder, split=split, out=tmp_path / "fit", **QUICK)
@@ -111,3 +123,12 @@ def test_one_way_to_divide_is_enough(folder, tmp_path):
         idr.calibrate(folder, folds="time", out=tmp_path / "fit", **QUICK)
     with pytest.raises(InputError, match="DEU_Avenue is the only place"):
         idr.calibrate(folder / "far", folds="place", out=tmp_path / "fit", **QUICK)
+
+
+def test_folds_that_leave_nobody_to_fit_are_refused_before_anything_is_fitted(folder, tmp_path):
+    idr.write_scenario(
+        world(straight_road(1500.0), cars=[Car(101, 0.0, 0.0, 15.0)], steps=60, dt=0.2), tmp_path / "DEU_Few-1_1_T-1.xml"
+    )
+    with pytest.raises(InputError, match="DEU_Avenue is the only place with 10 vehicles; leaving it out leaves none"):
+        idr.calibrate([folder / "far", tmp_path], folds="place", out=tmp_path / "fit", **QUICK)
+    assert not (tmp_path / "fit").exists()

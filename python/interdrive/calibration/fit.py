@@ -30,7 +30,7 @@ from interdrive.traffic_realism.jobs import rollout_settings
 from interdrive.traffic_realism.windows import windows_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from interdrive.config.drivers import Drivers
     from interdrive.config.schema import SettingsSpec, SimulationSettings
@@ -144,8 +144,10 @@ def calibrate(
 def _in_folds(parts: Parts, asked: _Asked, out: Path) -> Calibration:
     """The calibration on all places, and one without each of them."""
     places = list(dict.fromkeys(one.place for one in parts.fit))
-    if len(places) < 2:
-        raise InputError(f"folds: {places[0]} is the only place; leaving it out leaves none to fit")
+    fitted = [place for place, _ in _with_enough(windows_of(parts.fit, horizon=_HORIZON))]
+    if len(fitted) == 1:
+        which = f"place with {_VEHICLES_MIN} vehicles" if len(places) > 1 else "place"
+        raise InputError(f"folds: {fitted[0]} is the only {which}; leaving it out leaves none to fit")
     whole = _calibrated(parts, asked, out, is_folded=True)
     found = {place: _calibrated(parts.without(place), asked, out / _FOLDS / place) for place in places}
     held_out: dict[str, Json] = {
@@ -278,14 +280,18 @@ def _worlds(recordings: Sequence[Recording], windows: Sequence[Window], places: 
 
 def _followings(windows: Sequence[Window], asked: _Asked) -> list[Following]:
     """Of each place with enough vehicles."""
-    found = []
+    return [
+        Following(followers(place, own, [window.judged for window in own], asked.settings), asked.seed)
+        for place, own in _with_enough(windows)
+    ]
+
+
+def _with_enough(windows: Sequence[Window]) -> Iterator[tuple[str, list[Window]]]:
+    """Places with enough vehicles, and their windows."""
     for place in dict.fromkeys(window.place for window in windows):
         own = [window for window in windows if window.place == place]
         if sum(len(window.judged) for window in own) >= _VEHICLES_MIN:
-            found.append(
-                Following(followers(place, own, [window.judged for window in own], asked.settings), asked.seed)
-            )
-    return found
+            yield place, own
 
 
 def _chosen(

@@ -146,7 +146,7 @@ def _files_of_entry(entry: str, folder: Path, files: Sequence[Path]) -> set[Path
     return set(own)
 
 
-def _place_in_time(file: Path) -> tuple[int, str]:
-    """Windows state in their names at which time step they begin."""
-    found = re.search(r"(\d+)_T-\d+$", file.stem)
-    return (int(found[1]) if found else 0, file.name)
+def _place_in_time(file: Path) -> tuple[int, int, str]:
+    """Windows state in their names which recording of the place they are from, and at which time step they begin."""
+    found = re.search(r"-(\d+)_(\d+)_T-\d+$", file.stem)
+    return (*((int(found[1]), int(found[2])) if found else (0, 0)), file.name)
