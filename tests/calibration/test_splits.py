@@ -127,7 +127,8 @@ def test_one_way_to_divide_is_enough(folder, tmp_path):
 
 def test_folds_that_leave_nobody_to_fit_are_refused_before_anything_is_fitted(folder, tmp_path):
     idr.write_scenario(
-        world(straight_road(1500.0), cars=[Car(101, 0.0, 0.0, 15.0)], steps=60, dt=0.2), tmp_path / "DEU_Few-1_1_T-1.xml"
+        world(straight_road(1500.0), cars=[Car(101, 0.0, 0.0, 15.0)], steps=60, dt=0.2),
+        tmp_path / "DEU_Few-1_1_T-1.xml",
     )
     with pytest.raises(InputError, match="DEU_Avenue is the only place with 10 vehicles; leaving it out leaves none"):
         idr.calibrate([folder / "far", tmp_path], folds="place", out=tmp_path / "fit", **QUICK)

@@ -562,6 +562,46 @@ mod tests {
         assert!(allowed_beside(0.6) < -0.5, "{} m/s²", allowed_beside(0.6));
     }
 
+    /// A leader, a vehicle that crosses, and one in the next lane.
+    fn among_three(s: f64) -> Drive {
+        let crossing = Car::at(s + 50.0, -25.0, std::f64::consts::FRAC_PI_2, 9.0);
+        let cars = vec![Car::at(s + 40.0, 0.4, 0.02, 15.0), crossing, Car::at(s + 15.0, 3.5, 0.0, 12.0)];
+        Drive::on_three_lanes(s, 20.0).with_cars(cars)
+    }
+
+    fn collected(conflicts: &Conflicts) -> String {
+        let Conflicts { intervals, occupancies, .. } = conflicts;
+        format!("{intervals:?} {occupancies:?}")
+    }
+
+    #[test]
+    fn a_plan_finds_on_each_way_what_it_would_find_there_first() {
+        let mut used = Conflicts::default();
+        // The plans before looked from elsewhere, and from here while others were elsewhere.
+        for (s, from) in [(10.0, 10.0), (33.0, 30.0), (30.0, 30.0)] {
+            among_three(s).with_request(|request| {
+                let ego = |target: f64| {
+                    let ego = Ego::new(request, &request.route.path, (from, 20.0, 0.0), 2.5);
+                    Ego { target, ..ego }
+                };
+                let n_points = request.predictions.n_steps + 1;
+                let first = |target: f64| {
+                    let mut conflicts = Conflicts::default();
+                    conflicts.collect(request, &ego(target), n_points, Barriers::NONE);
+                    conflicts
+                };
+                used.collect(request, &ego(0.0), n_points, Barriers::NONE);
+                assert_eq!(collected(&used), collected(&first(0.0)));
+                for (target, is_as_before) in [(0.1, true), (3.5, false), (3.5, true), (-3.5, false), (0.0, false)] {
+                    used.yield_to_all(&ego(target));
+                    used.collect_again(request, &ego(target), n_points, Barriers::NONE);
+                    assert_eq!(collected(&used), collected(&first(target)), "{target} m aside, from {s} m");
+                    assert_eq!(used.is_as_before(), is_as_before, "{target} m aside, from {s} m");
+                }
+            });
+        }
+    }
+
     #[test]
     fn waiting_takes_no_more_braking_than_is_necessary() {
         for (distance, velocity, time, predicted) in [

@@ -357,3 +357,48 @@ fn must_yield(ego: &OrientedBox, other: &OrientedBox, moved: Point, dt: f64, tim
     let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
     is_behind && (YIELDING_SPEEDS.0..YIELDING_SPEEDS.1).contains(&speed) && speed <= 2.0 * YIELDING_DECELERATION * time
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::frenet::tests::{Car, Drive};
+    use crate::plan::prediction_index::PredictionIndex;
+    use crate::trajectory::Predictions;
+
+    #[test]
+    fn who_passes_through_the_vehicle_between_two_points_far_away_is_met() {
+        let drive = Drive::on_three_lanes(100.0, 0.0)
+            .with_cars(vec![Car { is_static: false, ..Car::at(190.0, 0.0, 0.0, 0.0) }]);
+        let met = |sideways: f64| {
+            drive.with_request(|request| {
+                let known = request.predictions;
+                let mut jumping = Predictions::empty(known.time_step, known.ids.clone(), 1, known.n_steps);
+                jumping.probability[0] = 1.0;
+                for k in 0..known.n_steps {
+                    (jumping.valid[k], jumping.y[k], jumping.orientation[k]) = (true, sideways, 0.0);
+                    jumping.x[k] = if k < 5 { 190.0 } else { 10.0 };
+                }
+                let prediction_index = PredictionIndex::of(&jumping, &drive.positions());
+                let request = &PlanRequest { predictions: &jumping, prediction_index: &prediction_index, ..*request };
+                let (settings, start) = (RolloutSettings::default(), Start::new(request, true).expect("on its path"));
+                let center = request.state.pose().position;
+                let (axis, n_points) = (Point::new(1.0, 0.0), known.n_steps + 1);
+                let still = DrivenPoint {
+                    center,
+                    axis,
+                    theta: 0.0,
+                    curvature: 0.0,
+                    velocity: 0.0,
+                    acceleration: 0.0,
+                    s: start.s,
+                    d: 0.0,
+                };
+                let mut surroundings = Surroundings::default();
+                surroundings.prepare(request, &settings, &start, n_points);
+                surroundings.first_contact(request, &vec![still; n_points], 0.0).map(|contact| contact.point)
+            })
+        };
+        assert_eq!(met(0.0), Some(6));
+        assert_eq!(met(5.0), None);
+    }
+}

@@ -205,3 +205,37 @@ impl Rollout {
 fn heading(path: &ReferencePath, s: f64) -> f64 {
     path.theta()[((s / path.spacing()).max(0.0) as usize).min(path.theta().len() - 1)]
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+    use crate::plan::frenet::tests::Drive;
+
+    #[test]
+    fn the_integrals_of_a_rollout_never_fall_on_its_way() {
+        let mut drive = Drive::on_three_lanes(30.0, 15.0);
+        (drive.state.orientation, drive.state.y) = (0.2, drive.state.y + 0.8);
+        drive.with_request(|request| {
+            let start = Start::new(request, true).expect("on its path");
+            let speeds = Speeds { velocity: vec![15.0; 31], acceleration: vec![0.0; 31], s: 75.0 };
+            for steering in [Steering::GENTLE, Steering::QUICK, Steering::FIRM, Steering::swinging(0.5, 0.8)] {
+                let (mut rollout, looks) = (Rollout::default(), RefCell::new(vec![(0.0, 0.0)]));
+                let look = |rollout: &Rollout| {
+                    looks.borrow_mut().push((rollout.lateral, rollout.offset));
+                    false
+                };
+                assert!(rollout.drive_unless(request, &start, (3.5, Along::Path), &speeds, steering, look));
+                looks.borrow_mut().push((rollout.lateral, rollout.offset));
+                let looks = looks.into_inner();
+                assert_eq!(looks.len(), 12);
+                assert!(looks.windows(2).all(|pair| pair[0].0 <= pair[1].0 && pair[0].1 <= pair[1].1), "{looks:?}");
+                assert!(looks[11].0 > 0.0 && looks[11].1 > 0.0);
+                // Given up at once, it goes no further than to the first look.
+                assert!(!rollout.drive_unless(request, &start, (3.5, Along::Path), &speeds, steering, |_| true));
+                assert_eq!((rollout.lateral, rollout.offset), looks[1]);
+            }
+        });
+    }
+}
