@@ -181,6 +181,14 @@ def test_a_file_may_say_that_drivers_stay_where_they_start_in_their_lane(tmp_pat
     assert read_drivers(str(path)).constants == {"lateral_kept": 1.0}
 
 
+def test_lengths_without_the_noise_that_they_belong_to_are_no_settings(tmp_path):
+    path = tmp_path / "calm.toml"
+    path.write_text("format = 1\n[driver]\nnoise_length = 2.5\nlateral_length = 3.0\nlateral_way = 30.0\n")
+    assert read_drivers(str(path)).constants == {}
+    path.write_text("format = 1\n[driver]\nlateral_noise = 0.2\nlateral_way = 30.0\n")
+    assert read_drivers(str(path)).constants == {"lateral_noise": 0.2, "lateral_length": 2.0, "lateral_way": 30.0}
+
+
 def _moved_aside(speed, words):
     """How fast a car of constant speed gets aside within 6 s, at most [m/s]."""
     road = world(straight_road(300.0), cars=[Car(11, 0.0, 0.0, speed)], steps=60)

@@ -162,7 +162,7 @@ class Drivers:
     def constants(self) -> Mapping[str, float]:
         """What all of its drivers have in common, by name."""
         values = {name: float(getattr(self, name)) for name in _CONSTANTS}
-        unused = {length for name, length in _LENGTHS.items() if values[name] <= 0.0}
+        unused = {length for length, noise in _LENGTHS.items() if values[noise] <= 0.0}
         return {name: value for name, value in values.items() if name not in unused and value != 0.0}
 
     def drawn(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
@@ -363,7 +363,7 @@ _AT_START = "start"
 #: Those that are no settings of a planner.
 _BESIDE_SETTINGS = ("time_gap_kept",)
 #: Lengths that mean nothing without the noise that they belong to.
-_LENGTHS = {"noise": "noise_length", "lateral_noise": "lateral_length"}
+_LENGTHS = {"noise_length": "noise", "lateral_length": "lateral_noise", "lateral_way": "lateral_noise"}
 
 
 def _constants(given: object) -> dict[str, float]:
