@@ -37,7 +37,7 @@ PATHS = {
 }
 #: A path may need so many times the instructions of another one. Agents drive alike in these two; with requests
 #: they drive otherwise, so what these cost shows in the count of `step_v2x` alone.
-RATIOS = {("step_messages", "step"): 1.08}
+RATIOS = {("step_messages", "step"): 1.1}
 #: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %.
 TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.03, 0.15
 
