@@ -139,12 +139,12 @@ bench: $(VENV)/.optimised ## time per step, phases, memory, start; time for all 
 	$(BIN)/python benchmarks/targets.py
 
 # On a quiet machine, about half an hour; PEER is a checkout of TUM-AVS/Frenetix-Motion-Planner 2024.4 (left out without).
-performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/research/performance.md and writes it
+performance: $(VENV)/.optimised .venv-third/.installed ## measures all of docs/research/performance.md, and the environments of learning.md, and writes them
 	mkdir -p out
 	$(BIN)/interdrive study runtime --out out/study_runtime --overwrite
 	$(BIN)/python benchmarks/start.py > out/start.md
-	$(BIN)/python benchmarks/commands.py
-	$(BIN)/python benchmarks/environments.py $(STORED)
+	$(BIN)/python benchmarks/commands.py $(STORED) > out/commands.md
+	$(BIN)/python benchmarks/environments.py $(STORED) > out/environments.md
 	$(BIN)/python benchmarks/floors.py > out/floors.md
 	.venv-third/bin/python benchmarks/against_frenetix.py --times-only > out/frenetix.md
 	$(BIN)/python benchmarks/peers/rule_based.py > out/rule_based.md
@@ -163,8 +163,8 @@ driving_side_by_side: $(VENV)/.optimised ## the same agents with other predictor
 driving_guard: $(VENV)/.installed ## do agents still drive as well as stored? benchmarks/driving/guard.py --update stores new figures
 	$(BIN)/python benchmarks/driving/guard.py $(STORED)
 
-instructions: ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
-	$(PYTHON) benchmarks/instructions.py
+instructions: $(VENV)/.installed ## instructions of the hot paths against stored figures; benchmarks/instructions.py --update stores them
+	$(BIN)/python benchmarks/instructions.py
 
 # Weaknesses that became known come from the internet (the advisory databases of RustSec and PyPI), so CI does not ask.
 # With --strict a package that could not be looked up is a failure, too.

@@ -202,16 +202,17 @@ def main() -> None:
     print()
     if given.scenarios is not None:
         for name, added in costs({"scenarios": us101, "slots": 24}, given.seconds, given.runs, clock).items():
-            print(f"observation.{name} in T1: {1e6 * added:.1f} us more per agent-step" + " (T9)" * (name == "raster"))
+            case = "T1 (T9)" if name == "raster" else "T1"
+            print(f"- observation.{name} in {case}: {1e6 * added:.1f} us more per agent-step")
     for name, settings in cases:
         if name not in alone or name.startswith(("T5", "T6")):
             continue
         if name.startswith("T4"):
             traffic = str(settings["traffic"])
             native, whole = 1e6 * planning(traffic, given.runs), 1e6 / alone[name]
-            print(f"{name}: {whole:.0f} us per step, of which planning takes {native:.0f} us in a run")
+            print(f"- {name}: {whole:.0f} us per step, of which planning takes {native:.0f} us in a run")
         else:
-            print(f"T8 of {name}: {reset_share(settings, alone[name], clock):.1%} of the time begins episodes")
+            print(f"- T8 of {name}: {reset_share(settings, alone[name], clock):.1%} of the time begins episodes")
 
 
 if __name__ == "__main__":

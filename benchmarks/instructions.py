@@ -3,7 +3,9 @@
     python benchmarks/instructions.py            # compares; exit code 1 if a path needs more than it may
     python benchmarks/instructions.py --update   # stores what is counted now in benchmarks/instructions.json
 
-Each path is run once and several times; the difference leaves out what preparing takes. Counts belong to a processor
+Each path is run once and several times; the difference leaves out what preparing takes. Beside them, the plans of the
+first steps of four recorded scenarios with 24 agents are counted in the installed package (below INTERDRIVE_SCENARIOS, or
+../shared/scenarios), where agents meet others as they do on real streets. Counts belong to a processor
 with AVX2 (the core has kernels of its own for it, and callgrind knows AVX2 but not AVX-512) and to a version of rustc:
 without AVX2 nothing is compared, with another rustc the tolerance is wider. Needs valgrind, which is installed where
 apt-get may do that; where it is missing the comparison is skipped with a message, which is a failure in CI (`CI=true`).
@@ -35,6 +37,22 @@ PATHS = {
     "step_v2x": 5,
     "learn": 10,
 }
+#: Recorded scenarios whose plans are counted, and over how many steps.
+RECORDED = {
+    "plans_highway": "highway/USA_US101-23_1_T-1.xml",
+    "plans_intersection": "intersection/USA_Lanker-2_8_T-1.xml",
+    "plans_residential": "urban/DEU_Muc-12_1_T-1.xml",
+    "plans_arterial": "urban/CHN_Sha-3_1_T-1.xml",
+}
+RECORDED_STEPS = 8
+#: Runs in the measured process.
+DRIVE = f"""
+import sys
+from interdrive import Simulation
+simulation = Simulation(sys.argv[1], agents=24, predictor="lane_following", threads=1)
+for _ in range({RECORDED_STEPS}):
+    simulation.step()
+"""
 #: A path may need so many times the instructions of another one. Agents drive alike in these two; with requests
 #: they drive otherwise, so what these cost shows in the count of `step_v2x` alone.
 RATIOS = {("step_messages", "step"): 1.1}
@@ -59,6 +77,24 @@ def counted(binary: Path, path: str, times: int) -> int:
     if found is None or done.returncode:
         raise SystemExit(f"{path}: callgrind counted nothing:\n{done.stderr[-2000:]}")
     return int(found[1])
+
+
+def counted_plans(scenario: Path) -> int:
+    """Instructions of the plans of 24 agents per step, one thread."""
+    callgrind = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+    command = [*callgrind, "--toggle-collect=*planning*World*plan*", sys.executable, "-c", DRIVE, str(scenario)]
+    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    found = re.search(r"Collected : (\d+)", done.stderr)
+    if found is None or done.returncode or found[1] == "0":
+        raise SystemExit(f"{scenario.stem}: callgrind counted nothing:\n{done.stderr[-2000:]}")
+    return round(int(found[1]) / RECORDED_STEPS)
+
+
+def recorded_counts() -> dict[str, int]:
+    """The same for the recorded scenarios."""
+    folder = Path(os.environ.get("INTERDRIVE_SCENARIOS", ROOT.parent / "shared" / "scenarios"))
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        return dict(zip(RECORDED, pool.map(lambda file: counted_plans(folder / file), RECORDED.values()), strict=True))
 
 
 def counts(binary: Path) -> dict[str, int]:
@@ -119,7 +155,7 @@ def main() -> int:
         return skipped("valgrind is missing (apt-get install valgrind)")
     if not has_avx2():
         return skipped("they belong to processors with AVX2, which this one lacks")
-    now, version = counts(built()), rustc()
+    now, version = counts(built()) | recorded_counts(), rustc()
     stored = json.loads(STORED.read_text(encoding="utf-8")) if STORED.is_file() else {"rustc": version, "counts": {}}
     if arguments.update:
         STORED.write_text(json.dumps({"rustc": version, "counts": now}, indent=2) + "\n", encoding="utf-8")

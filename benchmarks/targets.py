@@ -18,10 +18,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MEASURED = ROOT / "out" / "measured.json"
-DOCUMENT = ROOT / "docs" / "research" / "performance.md"
+RESEARCH = ROOT / "docs" / "research"
+DOCUMENT = RESEARCH / "performance.md"
 FIGURES = ROOT / "docs" / "figures"
-#: Sections of the document that are made from files of the same name in out/.
-SECTIONS = ("floors", "start", "handler", "rule_based", "frenetix")
+#: Sections that are made from files of the same name in out/, and their documents.
+SECTIONS = {
+    **dict.fromkeys(("floors", "start", "commands", "handler", "rule_based", "frenetix"), DOCUMENT),
+    "environments": RESEARCH / "learning.md",
+}
 
 
 def note(name: str, value: float) -> None:
@@ -41,14 +45,14 @@ def filled(text: str, name: str, content: str) -> str:
     """A document with the part between `<!-- name -->` and `<!-- /name -->` replaced."""
     begin, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
     if begin not in text or end not in text:
-        raise SystemExit(f"{DOCUMENT}: there is no place {begin.strip()} ... {end}")
+        raise SystemExit(f"there is no place {begin.strip()} ... {end} in the document")
     return re.sub(
         re.escape(begin) + ".*?" + re.escape(end), lambda _: f"{begin}{content.strip()}\n{end}", text, flags=re.S
     )
 
 
 def write_document(study: Path | None, targets: str) -> None:
-    """Puts tables and figures into docs/research/performance.md."""
+    """Puts tables and figures into docs/research/performance.md, and the table of environments into learning.md."""
     text = filled(DOCUMENT.read_text(encoding="utf-8"), "targets", targets)
     if study is not None:
         from runtime import document, read_study
@@ -61,11 +65,12 @@ def write_document(study: Path | None, targets: str) -> None:
         for name, figure in (("runtime", runtime_figure(found)), ("growth", growth_figure(found))):
             if figure is not None:
                 save_figure(figure, FIGURES / f"study_{name}.png")
-    for name in SECTIONS:
+    DOCUMENT.write_text(text, encoding="utf-8")
+    for name, document in SECTIONS.items():
         made = MEASURED.with_name(f"{name}.md")
         if made.is_file():
-            text = filled(text, name, made.read_text(encoding="utf-8"))
-    DOCUMENT.write_text(text, encoding="utf-8")
+            text = filled(document.read_text(encoding="utf-8"), name, made.read_text(encoding="utf-8"))
+            document.write_text(text, encoding="utf-8")
 
 
 def main() -> None:
