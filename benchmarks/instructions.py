@@ -5,9 +5,9 @@
 
 Each path is run once and several times; the difference leaves out what preparing takes. Beside them, the plans of the
 first steps of four recorded scenarios with 24 agents are counted in the installed package (below INTERDRIVE_SCENARIOS,
-or ../shared/scenarios), where agents meet others as they do on real streets. Counts belong to a processor with AVX2 (the
-core has kernels of its own for it, and callgrind knows AVX2 but not AVX-512) and to a version of rustc: without AVX2
-nothing is compared, with another rustc the tolerance is wider. Needs valgrind, which is installed where
+or ../shared/scenarios), where agents meet others as they do on real streets. Counts belong to a processor with AVX2
+(the core has kernels of its own for it, and callgrind knows AVX2 but not AVX-512) and to a version of rustc: without
+AVX2 nothing is compared, with another rustc the tolerance is wider. Needs valgrind, which is installed where
 apt-get may do that; where it is missing the comparison is skipped with a message, which is a failure in CI (`CI=true`).
 """
 
