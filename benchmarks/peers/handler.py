@@ -75,15 +75,26 @@ def peer(checkout: Path, arguments: argparse.Namespace, processes: int) -> dict[
 
 
 def ours(
-    scenario: str, agents: int | list[int], threads: int, replan_every: int, steps: int | None = None
+    scenario: str,
+    agents: int | list[int],
+    threads: int,
+    replan_every: int,
+    steps: int | None = None,
+    planner: str = "frenet",
 ) -> dict[str, Any]:
-    """The run of interdrive with the same agents, to its end or for some steps."""
-    asked = json.dumps([scenario, agents, threads, replan_every, steps, time.time()])
+    """The run of interdrive with the same agents, to its end or for some steps; `frenet` samples as the peer does."""
+    asked = json.dumps([scenario, agents, threads, replan_every, steps, planner, time.time()])
     return measured([sys.executable, str(HERE / "handler.py"), "--ours", asked], 600.0)
 
 
 def drive(
-    scenario: str, agents: int | list[int], threads: int, replan_every: int, steps: int | None, started: float
+    scenario: str,
+    agents: int | list[int],
+    threads: int,
+    replan_every: int,
+    steps: int | None,
+    planner: str,
+    started: float,
 ) -> dict[str, Any]:
     """Runs in a process of its own."""
     import resource
@@ -94,7 +105,9 @@ def drive(
     from interdrive.simulation import Simulation
 
     settings = bind(SimulationSettings(), {"step.replan_every": replan_every})
-    simulation = Simulation(scenario, agents=agents, predictor="lane_following", threads=threads, settings=settings)
+    simulation = Simulation(
+        scenario, agents=agents, planner=planner, predictor="lane_following", threads=threads, settings=settings
+    )
     seconds: list[float] = []
     first_step = 0.0
     while not simulation.is_done and (steps is None or simulation.time_step < steps):
@@ -143,7 +156,7 @@ def main() -> None:
         rows.append(Row(f"FRENETIX scenario handler 2024.4, {processes} process{'es' * (processes > 1)}", found))
     for threads in sorted({1, os.cpu_count() or 1}):
         found = ours(str(arguments.scenario), agents, threads, arguments.replan_every)
-        rows.append(Row(f"interdrive, {threads} thread{'s' * (threads > 1)}", found))
+        rows.append(Row(f"interdrive, frenet, {threads} thread{'s' * (threads > 1)}", found))
     print(f"{arguments.scenario.stem}, {len(agents)} agents, a plan every {arguments.replan_every} steps\n")
     print_rows(rows, len(agents))
     best = min(row.step for row in rows[: len(arguments.processes)])

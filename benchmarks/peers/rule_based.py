@@ -1,7 +1,7 @@
 """interdrive with full planning beside highway-env 1.12 without any: 24 vehicles on a six-lane highway, in one run.
 
-highway-env moves vehicles by rules (IDM and MOBIL) in Python; interdrive plans 800 samples for every vehicle at every
-step. The environment of the peer is made once from PyPI:
+highway-env moves vehicles by rules (IDM and MOBIL) in Python; interdrive plans for every vehicle at every step with
+`rollout`. The environment of the peer is made once from PyPI:
 
     .venv/bin/python benchmarks/peers/rule_based.py
 """
@@ -42,8 +42,8 @@ def main() -> None:
         command += [part for name, value in options.items() for part in (f"--{name}", str(value))]
         add(Row("highway-env 1.12, rules, no planning", measured(command, 300.0)))
         for threads in sorted({1, os.cpu_count() or 1}):
-            found = ours(scenario, arguments.vehicles, threads, 1, arguments.steps)
-            add(Row(f"interdrive, frenet, {threads} thread{'s' * (threads > 1)}", found))
+            found = ours(scenario, arguments.vehicles, threads, 1, arguments.steps, "rollout")
+            add(Row(f"interdrive, rollout, {threads} thread{'s' * (threads > 1)}", found))
     print(f"{arguments.vehicles} vehicles; interdrive on {Path(scenario).stem}\n")
     print_rows(list(rows.values()), arguments.vehicles)
     theirs, *own = (row.step for row in rows.values())
