@@ -15,6 +15,8 @@ from interdrive.studies.runtime.summary import QUIET, STEP_PARTS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+#: Of all scenarios of the study [s].
+TIME_STEP = 0.1
 #: Peak memory is told for a run of so many agents and steps.
 MEMORY_AGENTS, MEMORY_STEPS = 1000, 300
 
@@ -167,6 +169,18 @@ def growth_markdown(study: RuntimeStudy) -> str:
     return _table(("threads", "µs per agent and step", "exponent", "growth to linear"), "rlrr", rows)
 
 
+def planned_per_core_second(study: RuntimeStudy) -> str:
+    """Seconds of agents that plan at every step, by the seconds that one core needs for them; most agents of each kind."""
+    rows = [row for row in summary_table(study).to_pylist() if row["threads"] == 1]
+    most = {(row["kind"], row["predictor"]): row for row in sorted(rows, key=lambda row: row["agents"])}
+    cells = [
+        (kind if predictor == "lane_following" else f"{kind}, {predictor}", str(row["agents"]), f"{agent_seconds:,.0f}")
+        for (kind, predictor), row in most.items()
+        for agent_seconds in [row["agents"] * TIME_STEP / row["median"]]
+    ]
+    return _table(("one core", "agents", "planned agent-seconds per core-second"), "lrr", cells)
+
+
 def document(study: RuntimeStudy) -> str:
     """All of it."""
     what = study.machine
@@ -181,6 +195,7 @@ def document(study: RuntimeStudy) -> str:
     ]
     if growth(study, study.threads) is not None:
         parts.append(growth_markdown(study))
+    parts.append(planned_per_core_second(study))
     parts += [f"- {note}" for note in study.notes]
     return "\n\n".join(parts) + "\n"
 

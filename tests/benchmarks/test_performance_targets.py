@@ -62,6 +62,8 @@ def test_the_document_says_that_the_machine_was_busy():
     quiet = document(invented({(24, 2): [0.001], (1000, 2): [0.05]}))
     assert "| 2 | 42 at 24, 50 at 1000 | 1.049 | 1.20 |" in quiet
     assert "busy" not in quiet
+    alone = document(invented({(24, 1): [0.002], (100, 1): [0.01], (100, 2): [0.005]}))
+    assert "| town | 100 | 1,000 |" in alone, "100 agents, 0.1 s each, in 10 ms of one core"
     assert "**The machine was busy** (load 3.0 before)" in document(invented({(24, 2): [0.001]}, load=3.0))
 
 
