@@ -170,7 +170,7 @@ def growth_markdown(study: RuntimeStudy) -> str:
 
 
 def planned_per_core_second(study: RuntimeStudy) -> str:
-    """Seconds of agents that plan at every step, by the seconds that one core needs for them; most agents of each kind."""
+    """Seconds of agents that plan at every step, by those that one core needs for them; most agents of each kind."""
     rows = [row for row in summary_table(study).to_pylist() if row["threads"] == 1]
     most = {(row["kind"], row["predictor"]): row for row in sorted(rows, key=lambda row: row["agents"])}
     cells = [
