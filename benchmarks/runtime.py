@@ -215,10 +215,7 @@ def peak_memory(agents: int = MEMORY_AGENTS, steps: int = MEMORY_STEPS) -> float
 def _recorded(agents: int, steps: int) -> float:
     import resource
 
-    from interdrive.simulation import Simulation
+    from interdrive.simulation import simulate
 
-    simulation = Simulation(TOWN, agents=agents, predictor="lane_following")
-    for _ in range(steps):
-        simulation.step()
-    simulation.record()
+    simulate(TOWN, agents=agents, predictor="lane_following", settings={"step.max_steps": steps})
     return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
