@@ -67,7 +67,7 @@ impl CarFollowing {
 
     /// The free acceleration with what leaders and barriers take away from it [m/s²]. `allowed` is the acceleration if the
     /// road ahead of them were free, see `following`. The plain model adds both; the improved one, of which this is a share,
-    /// does so only above the desired speed: below it, who is as far behind as it wants keeps its speed.
+    /// does so only above the desired speed: below it, a follower at the wanted distance keeps its speed.
     pub(super) fn combined(&self, free: f64, allowed: f64, improved: f64) -> f64 {
         let taken = (allowed - self.acceleration).min(0.0);
         let plain = free + taken;

@@ -1,6 +1,6 @@
-//! Agents that wait in queues before the map for a gap in which nobody has to brake firmly, neither they nor others.
+//! Agents that wait in queues before the map for a gap in which no vehicle has to brake firmly, the entrant included.
 //!
-//! Others count whatever lane they are on: who is in the way of the entrant, or has it in its way, and who will be within
+//! Vehicles count whatever lane they are on: those that are in the way of the entrant, or have it in theirs, now or within
 //! some seconds, if all go on along their lanes at their speeds.
 
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::recording::OutcomeKind;
 const HEADWAY: f64 = 1.0;
 /// ... and so much besides [m] behind the vehicle ahead, with the way that both need to brake firmly to a stop, ...
 const GAP: f64 = 2.0;
-/// ... looks so far ahead [m], more than anybody needs for that, ...
+/// ... looks so far ahead [m], more than any vehicle needs for that, ...
 const SIGHT: f64 = 300.0;
 /// ... has those in its way that come nearer than this to its sides [m], ...
 const BESIDE: f64 = 0.4;

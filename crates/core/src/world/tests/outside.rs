@@ -64,7 +64,7 @@ fn what_was_before_newcomers_is_as_without_them() {
     };
     let first = 5;
     let ((with, scenes), (without, expected)) = (drive(Some(first)), drive(None));
-    // Scenes that somebody held while others came, and who is seen in them, as texts, since absent states are no numbers.
+    // Scenes that were held while others came, and whom agents see in them, as texts, since absent states are no numbers.
     let seen = |scene: &Scene| {
         let (visible, ids) = (scene.visible_from(0, &ViewLimits::default()), &scene.participants.ids);
         format!("{ids:?} {:?} {visible:?} {:?}", scene.present, scene.past)
