@@ -13,7 +13,14 @@ from interdrive import _core
 from interdrive.config.agent_config import agent_configs, core_agent, run_config, stored, temperament
 from interdrive.config.binding import flatten
 from interdrive.config.plugins import DEFAULT_PLANNER
-from interdrive.config.schema import RecordingSettings, RecordSettings, SimulationSettings, settings_of, with_traffic
+from interdrive.config.schema import (
+    RecordingSettings,
+    RecordSettings,
+    SimulationSettings,
+    settings_of,
+    with_start,
+    with_traffic,
+)
 from interdrive.config.specs import bound_predictor, read_predictor
 from interdrive.errors import InputError
 from interdrive.files import open_scenario
@@ -79,6 +86,7 @@ class Simulation:
         v2x: V2xSpec | None = None,
         settings: SettingsSpec | None = None,
         traffic: TrafficSpec | None = None,
+        start: int | None = None,
         seed: int = 0,
         threads: int | None = None,
         on_planner_error: Literal["end_agent", "raise"] = "end_agent",
@@ -101,6 +109,8 @@ class Simulation:
                 about all other agents.
             settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
             traffic: Generated traffic, see `interdrive.TrafficSpec`; None: that of `settings.traffic`.
+            start: Time step of the recording at which the run begins, as if the file had been cut there; None: that of
+                `settings.recording`.
             seed: Seed for the choice of agents and for generated traffic.
             threads: Number of planning threads; None: the number of cores. Results do not depend on it.
             on_planner_error: "end_agent": an exception of a planner in Python ends its agent (`planner_error`);
@@ -121,14 +131,15 @@ class Simulation:
         self._planner_processes = planner_processes
         if not 0 <= seed < 2**64:
             raise InputError(f"the seed must be from 0 to 2^64 - 1, is {seed}")
-        config = run_config(with_traffic(settings_of(settings), traffic), planner)
+        config = run_config(with_start(with_traffic(settings_of(settings), traffic), start), planner)
         self._predictor_config = read_predictor(predictor, config.settings.predictor)
-        of_files = config.settings.source
-        self.scenario = open_scenario(scenario, raw=config.settings.recording.raw, source=of_files)
+        recording, of_files = config.settings.recording, config.settings.source
+        self.scenario = open_scenario(scenario, raw=recording.raw, start=recording.start, source=of_files)
         if self.scenario.source is not None:
             of_files = SourceOptions.read(dict(self.scenario.source.options))
         self.seed = seed
-        self.settings = replace(config.settings, recording=RecordingSettings(raw=self.scenario.raw), source=of_files)
+        recording = RecordingSettings(raw=self.scenario.raw, start=self.scenario.start)
+        self.settings = replace(config.settings, recording=recording, source=of_files)
         self._agents_wanted = normalized(agents)
         if self.settings.traffic.is_on and self.scenario.sumo is not None:
             raise InputError(f"{self.scenario.name}: SUMO makes its traffic; leave out --traffic")
@@ -552,6 +563,7 @@ def simulate(
     v2x: V2xSpec | None = None,
     settings: SettingsSpec | None = None,
     traffic: TrafficSpec | None = None,
+    start: int | None = None,
     seed: int = 0,
     threads: int | None = None,
     on_planner_error: Literal["end_agent", "raise"] = "end_agent",
@@ -572,6 +584,8 @@ def simulate(
         settings: Settings, or a mapping of dotted names such as `{"view.sensor_radius": 40.0}`.
         traffic: Generated traffic such as "rate=600" or `{"density": 20.0}`, see `interdrive.TrafficSpec`; None: that
             of `settings.traffic`.
+        start: Time step of the recording at which the run begins, as if the file had been cut there: agents are those
+            that are there then or enter later, time steps of the run begin at 0. None: that of `settings.recording`.
         seed: Seed for the choice of agents, for generated traffic and for the random numbers of cooperation.
         threads: Number of planning threads; None: the number of cores. Results do not depend on it.
         on_planner_error: "end_agent": an exception of a planner in Python ends its agent; "raise": it passes through.
@@ -594,6 +608,7 @@ def simulate(
         v2x=v2x,
         settings=settings,
         traffic=traffic,
+        start=start,
         seed=seed,
         threads=threads,
         on_planner_error=on_planner_error,

@@ -93,6 +93,22 @@ def test_only_who_overlaps_in_a_part_is_told(tmp_path):
     assert [any("overlap" in note for note in one.notes) for one in (whole, part)] == [True, False]
 
 
+def test_a_run_may_begin_at_a_later_time_step_and_is_repeated_from_there(windows, tmp_path):
+    invoke("join", *windows, "--out", "whole.xml")
+    invoke("join", *windows, "--out", "part.xml", "--first", 50)
+    for file, extra in (("whole.xml", ("--start", 50)), ("part.xml", ())):
+        done = invoke("run", file, *extra, "--planner", "idm", "--out", file.removesuffix(".xml"))
+        assert done.exit_code == 0, done.output
+    digests = [json.loads((tmp_path / name / "run.json").read_text())["digest"] for name in ("whole", "part")]
+    assert digests[0] == digests[1]
+    verified = invoke("verify", "whole")
+    assert (verified.exit_code, "equal" in verified.output) == (0, True)
+    assert invoke("run", "whole.xml", "--start", 119).output == (
+        "error: recording.start: whole has time steps 0 to 119: none follows 119\n"
+    )
+    assert invoke("run", "whole.xml", "--start", "soon").output.startswith("error: --start: ")
+
+
 @pytest.mark.parametrize("part", [("--first", 119), ("--last", 120), ("--last", 0), ("--first", 60, "--last", 50)])
 def test_join_refuses_a_part_that_the_whole_does_not_have(windows, tmp_path, part):
     done = invoke("join", *windows, "--out", "part.xml", *part)

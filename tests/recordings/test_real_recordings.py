@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from interdrive import join, read_scenario, simulate
+from interdrive.files import scenario_document
 from interdrive.recordings import heading_offset, joined
 from interdrive.scenario import STATE_FIELDS
 
@@ -90,6 +91,17 @@ def test_a_problem_whose_vehicle_enters_later_drives_that_vehicle(real_recording
     assert {10018, 10021} <= ids
     assert not ids & {100018, 100021}
     assert sum("enters at time step" in note for note in run.notes) == 2
+
+
+@pytest.mark.parametrize(("place", "agent"), [("MONAEast", 10001), ("MONAMerge", 10030), ("AachenBendplatz", 10015)])
+def test_a_run_that_begins_later_has_the_bits_of_that_of_the_part(real_recordings, tmp_path, place, agent):
+    windows = sorted(real_recordings[place], key=lambda path: int(re.search(r"T-(\d+)", path.name)[1]))[:3]
+    whole = join(windows)
+    start = int(np.flatnonzero(whole.obstacles.valid.any(axis=0))[0]) + 100
+    part = tmp_path / "part.xml"
+    part.write_bytes(scenario_document(join(windows, first=start), windows[0]))
+    later = simulate(whole, agents=[agent], planner="idm", start=start)
+    assert later.digest == simulate(part, agents=[agent], planner="idm").digest
 
 
 def test_files_in_any_order_are_joined_and_can_be_driven(real_recordings):

@@ -163,20 +163,21 @@ def read_scenario_of(job: Job) -> tuple[Scenario, float]:
         InterdriveError: It is gone, or has changed since the batch was planned: its key is that of another content.
     """
     spec = job.spec
-    raw, source = spec.settings.recording.raw, spec.settings.source
-    key = f"{spec.sha256}{spec.parts_sha256}{raw}{source.texts()}"
+    source, recording = spec.settings.source, spec.settings.recording
+    opened = partial(open_scenario, raw=recording.raw, start=recording.start, source=source)
+    key = f"{spec.sha256}{spec.parts_sha256}{recording}{source.texts()}"
     if key in _AT_HAND:
         return _AT_HAND[key], 0.0
     start = time.perf_counter()
     if job.content is None:
         if not Path(spec.path).is_dir():
             content_of(spec)
-        scenario = open_scenario(Path(spec.path), raw=raw, source=source)
+        scenario = opened(Path(spec.path))
     else:
         with tempfile.TemporaryDirectory() as folder:
             for name, content in job.content.items():
                 (Path(folder) / name).write_bytes(content)
-            copied = open_scenario(Path(folder) / Path(spec.path).name, raw=raw, source=source)
+            copied = opened(Path(folder) / Path(spec.path).name)
             scenario = replace(copied, path=Path(spec.path))
     found = scenario.sha256 if scenario.source is None else content_sha256(Path(spec.path))
     if found != spec.sha256:

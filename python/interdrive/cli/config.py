@@ -28,6 +28,7 @@ class RunChoices:
     style: str = "normal"
     traffic: str | None = None
     v2x: float | None = None
+    start: int | None = None
     seed: int = 0
     threads: int | None = None
     out: str | None = None

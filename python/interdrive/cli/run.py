@@ -92,6 +92,11 @@ _RECORDED = {"record.views": True, "record.predictions": True, "record.candidate
 )
 @click.option("--v2x", metavar="P", help="Share of the agents that cooperate by V2X, 0 to 1 (v2x.penetration).")
 @click.option(
+    "--start",
+    metavar="STEP",
+    help="Time step of the recording at which the run begins, as if the file had been cut there (recording.start).",
+)
+@click.option(
     "--seed", metavar="N", help="Seed for the choice of agents and for the random numbers of cooperation (0)."
 )
 @click.option("--threads", metavar="N", help="Number of planning threads (all cores); results do not depend on it.")
@@ -292,6 +297,8 @@ def _configured(
         raise error.within(str(config)) from None
     if choices.v2x is not None:
         values_given = {"v2x.penetration": str(choices.v2x), **values_given}
+    if choices.start is not None:
+        values_given = {"recording.start": str(choices.start), **values_given}
     _refuse_twice(choices.traffic, values_given)
     settings = bind(with_traffic(settings, choices.traffic), values_given)
     return choices, own | choices_by_agent(by_agent), settings

@@ -16,7 +16,7 @@ from interdrive.planners import PlannerSettings
 from interdrive.predictors import PredictorSettings
 from interdrive.scenario import SourceOptions
 from interdrive.scenario.agent_settings import AgentSettings, GoalSettings
-from interdrive.scenario.limits import MOST_STEPS
+from interdrive.scenario.limits import LARGEST_TIME_STEP, MOST_STEPS
 from interdrive.sumo.settings import SumoSettings
 from interdrive.traffic.settings import TrafficSettings
 
@@ -132,9 +132,16 @@ class RecordingSettings:
     Attributes:
         raw: Read recordings without repairs: headings that are off by a constant angle are not turned, overlapping
             recordings collide, and a planning problem is not matched with a vehicle that enters later.
+        start: Time step of the recording that is the first one of the run, as if the file had been cut there: agents
+            are those that are there then or enter later. Time steps of the run begin at 0.
     """
 
     raw: bool = False
+    start: int = 0
+
+    def __post_init__(self) -> None:
+        """Checks the range."""
+        check_between("start", self.start, 0, LARGEST_TIME_STEP)
 
 
 @dataclass(frozen=True)
@@ -189,6 +196,15 @@ def settings_of(spec: SettingsSpec | None) -> SimulationSettings:
         InputError: A name that does not exist, or a value that does not fit; the location is the dotted name.
     """
     return spec if isinstance(spec, SimulationSettings) else bind(SimulationSettings(), spec or {})
+
+
+def with_start(settings: SimulationSettings, start: int | None) -> SimulationSettings:
+    """The settings of a run that begins at a time step of the recording; as they are for None.
+
+    Raises:
+        InputError: It is no time step.
+    """
+    return settings if start is None else bind(settings, {"recording.start": start})
 
 
 #: Generated traffic: settings, a mapping of their names, or a text such as "rate=600,planner=idm:0.5+rollout:0.5" or

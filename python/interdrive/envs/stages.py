@@ -212,7 +212,8 @@ def _scenarios(setup: Setup) -> list[Scenario]:
     ready = [one for one in ready if _belongs(Path(one.name), settings)]
     if not ready and not paths:
         raise InputError("part", f'none of {n} scenarios belongs to "{settings.part}"')
-    return [*ready, *(open_scenario(path, raw=settings.simulation.recording.raw) for path in paths)]
+    recording = settings.simulation.recording
+    return [*ready, *(open_scenario(path, raw=recording.raw, start=recording.start) for path in paths)]
 
 
 def _belongs(path: Path, settings: EnvSettings) -> bool:

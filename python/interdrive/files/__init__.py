@@ -1,6 +1,7 @@
 """Reads and writes CommonRoad files. The only package that imports commonroad-io, besides the planner `reactive`."""
 
 from interdrive.files.content import content_of_file, content_of_input
+from interdrive.files.later import later
 from interdrive.files.osi_export import write_osi
 from interdrive.files.protobuf import scenario_parts
 from interdrive.files.read import (
@@ -36,6 +37,7 @@ __all__ = [
     "content_sha256",
     "is_source",
     "join",
+    "later",
     "open_scenario",
     "read_scenario",
     "read_source",

@@ -22,12 +22,13 @@ from interdrive.files.convert import converted
 from interdrive.files.elements import read_elements
 from interdrive.files.encoding import text_of
 from interdrive.files.facts import Facts
+from interdrive.files.later import later
 from interdrive.files.protobuf import PROTOBUF_ENDINGS, open_protobuf
 from interdrive.files.shapes import Foreign
 from interdrive.files.shipped import scenario_file
 from interdrive.files.sources import SourceFile, recognised, scenario_of
 from interdrive.files.sumo_folder import is_sumo_folder, read_sumo_folder
-from interdrive.recordings import joined, part_of, repaired, with_overlaps
+from interdrive.recordings import joined, part_of, repaired, with_own_overlaps
 from interdrive.scenario import OptionValue, Scenario, SourceOptions
 from interdrive.scenario.limits import require_scenario
 
@@ -293,17 +294,25 @@ def _with_remarks(scenario: Scenario, remarks: list[str]) -> Scenario:
     return dataclasses.replace(scenario, notes=(*scenario.notes, *(f"commonroad-io: {line}" for line in lines)))
 
 
-def open_scenario(spec: ScenarioSpec, *, raw: bool = False, source: SourceOptions | None = None) -> Scenario:
+def open_scenario(
+    spec: ScenarioSpec, *, raw: bool = False, start: int = 0, source: SourceOptions | None = None
+) -> Scenario:
     """The scenario that a specification means.
 
     Args:
         spec: The specification.
         raw: Leave recordings as they are; a scenario that was read before stays as it is.
+        start: Time step of the recording that is to be the first one; a scenario that begins there stays as it is.
         source: How files of other tools are read.
 
     Raises:
         InputError: There is no such file or scenario, or it cannot be used; one line that says why.
     """
+    found = _opened(spec, raw=raw, source=source)
+    return found if start in (0, found.start) else later(found, start)
+
+
+def _opened(spec: ScenarioSpec, *, raw: bool, source: SourceOptions | None) -> Scenario:
     if isinstance(spec, Scenario):
         require_scenario(spec, spec.name)
         if raw and spec.path is not None and not spec.raw:
@@ -351,11 +360,7 @@ def join(
     start, end = begins if first is None else first, ends if last is None else last
     if not begins <= start < end <= ends:
         raise InputError(f"join: no part from time step {start} to {end}; the whole has {begins} to {ends}")
-    part = part_of(whole, start, end + 1)
-    # Who overlaps in the part, not in the whole, whose last note says so.
-    notes = whole.notes[:-1] if whole.overlaps else whole.notes
-    part = dataclasses.replace(part, overlaps=(), notes=notes)
-    part = part if raw else with_overlaps(part)
+    part = with_own_overlaps(part_of(whole, start, end + 1))
     name = whole.name.removesuffix(f"_{whole.name.split('_')[-2]}_T-{ends}") + f"_{start}_T-{end}"
     said = f"time steps {start} to {end} of the whole, which has {begins} to {ends}: they are 0 to {end - start} here"
     return dataclasses.replace(part, name=name, benchmark_id=name, notes=(*part.notes, said))

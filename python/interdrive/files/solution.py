@@ -68,7 +68,7 @@ def write_solution(
     Raises:
         InputError: An unknown cost function, model or vehicle type; agents that are not planning problems or drove
             another vehicle; a problem without agent or not solved; a benchmark id that solutions cannot name; headings
-            that were turned when the file was read.
+            that were turned when the file was read; a run that begins later than its file.
     """
     if cost not in COSTS:
         raise InputError(f"cost {cost!r}: expected one of {', '.join(COSTS)}")
@@ -81,6 +81,10 @@ def write_solution(
     scenario = run.scenario
     if not _BENCHMARK_ID.fullmatch(scenario.benchmark_id):
         raise InputError(f"{scenario.name}: benchmark id {scenario.benchmark_id!r} is none that a solution can name")
+    if scenario.start:
+        raise InputError(
+            f"{scenario.name}: the run begins at time step {scenario.start}, so its times are not those of the problems"
+        )
     if scenario.turned:
         raise InputError(
             f"{scenario.name}: its headings were turned when it was read, so drives do not start as its problems say; "

@@ -10,7 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.errors import InputError, InterdriveError
-from interdrive.files import read_scenario, scenario_file
+from interdrive.files import open_scenario, scenario_file
 from interdrive.prediction_evaluation.measures import HORIZONS, step_of
 from interdrive.scenario import KINDS, Scenario
 from interdrive.scenario.native import core_road, core_scenario
@@ -163,7 +163,7 @@ def opened(path: Path, settings: SimulationSettings, *, is_needed: bool) -> Reco
         InputError: It is needed and cannot be used.
     """
     try:
-        return Recording(read_scenario(path, raw=settings.recording.raw), settings)
+        return Recording(open_scenario(path, raw=settings.recording.raw, start=settings.recording.start), settings)
     except InterdriveError as error:
         if is_needed:
             raise

@@ -1,9 +1,10 @@
-"""What is wrong in recordings: headings that are off, vehicles that overlap; and windows that follow each other."""
+"""What is wrong in recordings, windows that follow each other, and parts of what is long."""
 
 from interdrive.recordings.headings import HeadingOffset, heading_offset, turned
 from interdrive.recordings.overlaps import overlapping, overlapping_at_first
+from interdrive.recordings.parts import part_of, with_own_overlaps
 from interdrive.recordings.repair import repaired, with_overlaps
-from interdrive.recordings.windows import joined, part_of
+from interdrive.recordings.windows import joined
 
 __all__ = [
     "HeadingOffset",
@@ -15,4 +16,5 @@ __all__ = [
     "repaired",
     "turned",
     "with_overlaps",
+    "with_own_overlaps",
 ]

@@ -12,6 +12,9 @@ from interdrive.scenario.native import storeys
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
+#: How the note about overlapping recordings begins.
+OVERLAP = "recordings overlap; "
+
 #: Pairs that a note names.
 _PAIRS_NAMED = 5
 
@@ -38,5 +41,5 @@ def with_overlaps(scenario: Scenario) -> Scenario:
         return scenario
     named = ", ".join(f"{first} and {second}" for first, second in pairs[:_PAIRS_NAMED])
     more = f" and {len(pairs) - _PAIRS_NAMED} more" if len(pairs) > _PAIRS_NAMED else ""
-    note = f"recordings overlap; they take part, but their contacts are no collisions: {named}{more}"
+    note = f"{OVERLAP}they take part, but their contacts are no collisions: {named}{more}"
     return replace(scenario, overlaps=pairs, notes=(*scenario.notes, note))

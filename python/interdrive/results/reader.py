@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from interdrive.errors import InputError
-from interdrive.files import content_of_file, read_scenario, read_source
+from interdrive.files import content_of_file, later, read_scenario, read_source
 from interdrive.results.folder import read_results
 from interdrive.run import (
     AgentRecord,
@@ -158,19 +158,31 @@ def stored_plans(results: Results) -> Plans:
 
 
 def _scenario_of(folder: Path, info: RunInformation) -> Scenario:
+    said = info.get("settings", {}).get("settings", {}).get("recording.start", 0)
+    start = said if isinstance(said, int) else 0
+    found = _simulated_file(info)
+    if found is not None:
+        return later(found, start) if start else found
+    # The file was moved away; the folder has a copy of the road.
+    return replace(read_scenario(folder / "scenario.xml", raw=True), start=start)
+
+
+def _simulated_file(info: RunInformation) -> Scenario | None:
+    """The file that was simulated, if it is there and unchanged."""
     stored, source = info["scenario"], info.get("source")
-    if stored["path"] is not None:
-        path = Path(stored["path"])
-        if source is not None:
-            return source_again(path, source, info) or read_scenario(folder / "scenario.xml", raw=True)
-        try:
-            if hashlib.sha256(content_of_file(path)).hexdigest() == stored["sha256"]:
-                # Runs from before recordings were repaired do not say it.
-                said = info.get("settings", {}).get("settings", {})
-                return read_scenario(path, raw=bool(said.get("recording.raw", True)))
-        except OSError:
-            pass  # moved away; the folder has a copy of the road
-    return read_scenario(folder / "scenario.xml", raw=True)
+    if stored["path"] is None:
+        return None
+    path = Path(stored["path"])
+    if source is not None:
+        return source_again(path, source, info)
+    try:
+        if hashlib.sha256(content_of_file(path)).hexdigest() != stored["sha256"]:
+            return None
+    except OSError:
+        return None
+    # Runs from before recordings were repaired do not say it.
+    said = info.get("settings", {}).get("settings", {})
+    return read_scenario(path, raw=bool(said.get("recording.raw", True)))
 
 
 #: What an agent has that had not started when the run was stopped: it has no state.

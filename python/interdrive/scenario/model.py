@@ -301,6 +301,7 @@ class Scenario:
         priorities: Right of way at junctions, as far as the file says.
         crosswalks: Lanelets on which people cross the road, ascending ids.
         raw: Its recordings were not repaired, see `interdrive.read_scenario`.
+        start: Time step of the recording that is 0 here, where a run begins later than the file.
         turned: Angle by which all headings were turned when the file was read [rad].
         overlaps: Pairs of ids of recorded participants that overlap at some time; ascending.
         source: The files from which it was made; None: it is that of a CommonRoad file, or came from memory.
@@ -322,6 +323,7 @@ class Scenario:
     priorities: Priorities = field(default_factory=Priorities)
     crosswalks: tuple[int, ...] = ()
     raw: bool = False
+    start: int = 0
     turned: float = 0.0
     overlaps: tuple[tuple[int, int], ...] = ()
     source: ScenarioSource | None = None

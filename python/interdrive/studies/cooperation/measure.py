@@ -120,7 +120,7 @@ def cooperation_study(
     rows: list[dict[str, Any]] = []
     inputs: dict[str, str] = {}
     for file in files:
-        scenario = open_scenario(file, raw=settings.recording.raw)
+        scenario = open_scenario(file, raw=settings.recording.raw, start=settings.recording.start)
         inputs[scenario.name] = scenario.sha256
         for variant, seed in planned:
             values: dict[str, Setting] = {**variant.settings, "record.violations": False}

@@ -14,7 +14,7 @@ from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.config.schema import settings_of
 from interdrive.config.specs import read_planner
 from interdrive.errors import InputError
-from interdrive.files import read_scenario
+from interdrive.files import open_scenario
 from interdrive.run import PHASES
 from interdrive.simulation import Simulation
 from interdrive.storage import Column, arrow_table, changed_settings
@@ -115,7 +115,7 @@ def runtime_study(
     driver = read_planner(planner, own.planner)
     jobs = []
     for case in cases:
-        scenario = read_scenario(case.path, raw=own.recording.raw)
+        scenario = open_scenario(case.path, raw=own.recording.raw, start=own.recording.start)
         jobs += [(case, scenario, wanted) for wanted in _numbers(case, scenario, driver, own)]
     total = len(jobs) * repetitions * len(counts)
     done = 0
