@@ -79,14 +79,14 @@ def test_a_stored_panel_of_other_traffic_is_told_and_drives_anew(batch, file, tm
     among_idm = {**OPTIONS, "traffic": "idm"}
     done = idr.batch([file], tmp_path / "out", planner="idm", panel=batch / "panel", **among_idm)
     (note,) = done.panel_notes
-    assert note.startswith(f"{batch / 'panel'} lacks what 2 of 2 runs need")
+    assert note.startswith(f"{batch / 'panel'} lacks what 2 of 2 runs need (traffic velocity_adjusting, here idm)")
     assert note in done.notes
     assert len(list((batch / "panel").glob("*.npz"))) == 2, "it is only read"
     run = idr.simulate(
         file, agents=[31, 32], planner={31: "idm", "default": "idm"}, predictor="constant_velocity", threads=1
     )
     (told,) = idr.score(run, [31], panel=batch / "panel").notes
-    assert told.startswith(f"{batch / 'panel'} has nothing in the place of agent 31")
+    assert told.startswith(f"{batch / 'panel'} lacks the place of agent 31 as it is needed: traffic ")
 
 
 def test_scores_and_comparisons_name_the_panel_and_tell_others_apart(batch, file, tmp_path):

@@ -14,7 +14,7 @@ from interdrive.benchmarks import store_panel
 from interdrive.cli import main
 from interdrive.errors import InputError, ResultsError
 from interdrive.panel import PANEL, PanelFolder, World
-from interdrive.panel.stored import key_of
+from interdrive.panel.stored import Asked
 from interdrive.results import save
 from interdrive.scoring import ScoringSettings, score_table
 from interdrive.scoring.judgement import PanelDrives
@@ -39,6 +39,10 @@ def folder(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("panel") / "stored"
     idr.score(run, [AGENT], panel=PanelFolder.create(path, PANEL, "a test"))
     return path
+
+
+def asked(run, drivers=PANEL, settings=None, *, measures_hindrance=True):
+    return Asked.of(World.of(run, AGENT), drivers, settings or ScoringSettings(), measures_hindrance=measures_hindrance)
 
 
 @pytest.fixture
@@ -76,9 +80,38 @@ def test_what_is_not_stored_is_driven_unless_it_must_not_be(folder):
         idr.score(other, [AGENT], panel=PanelFolder.open(folder, is_complete=True))
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"predictor": "constant_velocity"}, "predictor neural, here constant_velocity"),
+        ({"seed": 5}, "seed 0, here 5"),
+        ({"step.grace_factor": 2.0}, "step.grace_factor 1.7, here 2.0"),
+        ({"step.grace_factor": 2.0, "seed": 5}, "seed 0, here 5; step.grace_factor 1.7, here 2.0"),
+    ],
+)
+def test_what_differs_from_a_stored_panel_is_told_by_name_and_value(run, folder, changes, words):
+    known = {name: value for name, value in changes.items() if name in ("predictor", "seed")}
+    settings = {**run.settings["settings"], **{name: value for name, value in changes.items() if name not in known}}
+    other = replace(run, settings={**run.settings, **known, "settings": settings})
+    assert PanelFolder.open(folder).why_not(asked(other)) == words
+
+
+def test_other_traffic_bounds_and_recordings_are_told_too(run, folder):
+    stored = PanelFolder.open(folder)
+    assert stored.why_not(asked(drive(traffic="idm"))) == "traffic velocity_adjusting, here idm"
+    bounds = ScoringSettings(comfort=ComfortBounds(jerk=6.0))
+    assert stored.why_not(asked(run, settings=bounds)) == "scoring.comfort.jerk 8.37, here 6.0"
+    moved = replace(run.scenario.obstacles, x=run.scenario.obstacles.x + 1.0)
+    shifted = replace(run, scenario=replace(run.scenario, obstacles=moved))
+    assert stored.why_not(asked(shifted)) == "the recording is read otherwise"
+    elsewhere = replace(run, scenario=replace(run.scenario, sha256="0" * 64))
+    assert stored.why_not(asked(elsewhere)) == "no such place"
+    assert stored.why_not(Asked("", {})) == "it depends on code or files of yours"
+
+
 def test_the_key_is_that_of_everything_that_decides(run):
     def key(run=run, drivers=PANEL, settings=None, hindrance=True):
-        return key_of(World.of(run, AGENT), drivers, settings or ScoringSettings(), measures_hindrance=hindrance)
+        return asked(run, drivers, settings, measures_hindrance=hindrance).key
 
     assert key() == key(drive("rollout")), "the planner under test decides nothing"
     assert key() == key(settings=ScoringSettings(panel=PanelWeights(comfort=0.0))), "weights come later"
@@ -101,7 +134,7 @@ def test_worlds_with_files_or_without_a_file_are_driven_every_time(run, tmp_path
     named = replace(run, settings={**run.settings, "predictor": {"predictor": "neural", "weights": str(weights)}})
     from_memory = replace(run, scenario=replace(run.scenario, sha256=""))
     for one in (named, from_memory):
-        assert key_of(World.of(one, AGENT), PANEL, ScoringSettings(), measures_hindrance=True) == ""
+        assert asked(one).key == ""
 
 
 def test_the_command_drives_a_set_that_other_commands_read(run, tmp_path, nothing_drives):
@@ -167,7 +200,7 @@ def test_bad_folders_are_refused_in_one_line(folder, tmp_path, run):
         PanelFolder.open(old)
     damaged = tmp_path / "damaged"
     stored = PanelFolder.create(damaged, PANEL)
-    key = key_of(World.of(run, AGENT), PANEL, ScoringSettings(), measures_hindrance=True)
+    key = asked(run).key
     (damaged / f"{key}.npz").write_bytes(b"PK not a zip")
     with pytest.raises(ResultsError, match="cannot be read"):
         idr.score(run, [AGENT], panel=stored)

@@ -158,13 +158,13 @@ def rank_adversaries(
             stored = PanelFolder.create(Path(out) / "panel", PANEL, f"{set}, split {split}, {TRAFFIC}, {PREDICTOR}")
         rows: list[Drive] = []
         problems = list(missing)
-        anew = 0
+        anew: list[str] = []
         for done, answer in enumerate(_trials(places, workers, stored), start=1):
             if isinstance(answer, str):
                 problems.append(answer)
             else:
                 rows += answer.drives
-                anew += answer.driven_anew
+                anew += [answer.driven_anew] if answer.driven_anew else []
             if on_place is not None:
                 on_place(done, len(places))
         if not rows:

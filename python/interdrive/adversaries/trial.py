@@ -10,7 +10,7 @@ import numpy as np
 from interdrive.adversaries.drivers import ADVERSARIES, HONEST, Driver
 from interdrive.files import read_scenario
 from interdrive.foreign import failure
-from interdrive.panel import PANEL, World, panel_drives, was_driven_anew
+from interdrive.panel import PANEL, World, panel_drives, why_driven_anew
 from interdrive.scoring import ScoringSettings
 from interdrive.scoring import drive_facts as facts
 from interdrive.scoring.hindrance import Hindrance, hindrance_of
@@ -74,11 +74,11 @@ class Trial:
 
     Attributes:
         drives: One per driver.
-        driven_anew: A stored panel had nothing there.
+        driven_anew: Why a stored panel had nothing there; "" if it had, or there is none.
     """
 
     drives: tuple[Drive, ...]
-    driven_anew: bool = False
+    driven_anew: str = ""
 
 
 def trial(place: Place, stored: PanelFolder | None = None) -> Trial | str:
@@ -122,7 +122,7 @@ def _trial(place: Place, stored: PanelFolder | None) -> Trial:
         drive, taken = driven(adversary.planner, adversary.rules)
         differs = _differs if adversary.rules is None else _breaks_more
         add(adversary.name, drive, taken, acts=differs(drive, honest[adversary.base][0]))
-    return Trial(tuple(rows), was_driven_anew(panel.notes))
+    return Trial(tuple(rows), why_driven_anew(panel.notes))
 
 
 def _others(scenario: Scenario, agent_id: int) -> list[int]:

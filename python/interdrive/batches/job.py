@@ -18,7 +18,7 @@ from interdrive.batches.plan import Problem, parts_hash
 from interdrive.errors import InputError, InterdriveError
 from interdrive.files import content_of_file, content_sha256, open_scenario, scenario_parts
 from interdrive.foreign import failure
-from interdrive.panel import NONE, PanelFolder, score, was_driven_anew
+from interdrive.panel import NONE, PanelFolder, score, why_driven_anew
 from interdrive.planners import RECORDED_PATH
 from interdrive.results import save
 from interdrive.scenario.agents import select
@@ -52,7 +52,7 @@ class Finished:
         rows: Its rows of the data set, as a Parquet file.
         recording: Its run folder as a tar archive; empty if it is not kept.
         outcomes: Of the agents under test.
-        driven_anew: Drivers of the panel drove in this run, because a stored panel has nothing for it.
+        driven_anew: Why drivers of the panel drove although a panel is stored; "" if they did not.
     """
 
     status: str
@@ -60,7 +60,7 @@ class Finished:
     rows: bytes
     recording: bytes = b""
     outcomes: tuple[str, ...] = ()
-    driven_anew: bool = False
+    driven_anew: str = ""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _finished(job: Job, attempts: int) -> Finished:
         kept=kept,
     )
     archive = _archive(run, scores) if kept else b""
-    return Finished("finished", "", encoded(rows), archive, outcomes, was_driven_anew(scores.notes))
+    return Finished("finished", "", encoded(rows), archive, outcomes, why_driven_anew(scores.notes))
 
 
 def read_scenario_of(job: Job) -> tuple[Scenario, float]:

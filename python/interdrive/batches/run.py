@@ -317,14 +317,15 @@ def _conduct(
     *,
     send: bool,
     on_progress: Callable[[Progress], None] | None,
-) -> int:
+) -> list[str]:
     """Does the missing runs, waits for runs of another batch, and stores the results.
 
     Returns:
-        In how many runs drivers of a stored panel drove anew.
+        Why drivers of a stored panel drove anew, for each run in which they did.
     """
     elsewhere: list[RunSpec] = []
-    count = failures = anew = 0
+    count = failures = 0
+    anew: list[str] = []
 
     def claimed(spec: RunSpec) -> bool:
         """Whether this batch has claimed the run, and no other has done it in the meantime."""
@@ -357,7 +358,7 @@ def _conduct(
             folder.store(spec.key, finished)
             folder.release(spec.key)
             failures += finished.status not in ("finished", "refused")
-            anew += finished.driven_anew
+            anew += [finished.driven_anew] if finished.driven_anew else []
             report(spec, finished.status)
             folder.tidy()
         waiting, elsewhere = elsewhere, []

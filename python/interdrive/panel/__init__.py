@@ -8,7 +8,7 @@ Definitions, sources and limits: docs/reference/scoring.md.
 """
 
 from interdrive.panel.counterfactual import counterfactual
-from interdrive.panel.scores import DEFAULT, NONE, PANEL, chosen_panel, panel_drives, score, was_driven_anew
+from interdrive.panel.scores import DEFAULT, NONE, PANEL, chosen_panel, panel_drives, score, why_driven_anew
 from interdrive.panel.stored import PanelFolder
 from interdrive.panel.worlds import World
 
@@ -22,5 +22,5 @@ __all__ = [
     "counterfactual",
     "panel_drives",
     "score",
-    "was_driven_anew",
+    "why_driven_anew",
 ]

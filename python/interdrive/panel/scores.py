@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive.errors import InputError, InterdriveError
-from interdrive.panel.stored import PanelFolder, key_of
+from interdrive.panel.stored import Asked, PanelFolder
 from interdrive.panel.worlds import World
 from interdrive.scoring import ScoringSettings, has_recording
 from interdrive.scoring import score as absolute_score
@@ -31,8 +31,8 @@ PANEL = ("lawful", "idm", "idm_mobil", "rollout")
 #: How a panel is named: its drivers, none at all, or a folder.
 DEFAULT, NONE = "default", "none"
 
-#: So ends the note on an agent in whose place a stored panel has nothing.
-_DRIVEN_ANEW = "with this traffic, predictor and settings; its drivers drove anew"
+#: Around the reason why a stored panel has nothing in the place of an agent.
+_LACKS, _DRIVEN_ANEW = " as it is needed: ", "; its drivers drove anew"
 
 _SEVERAL = "several agents are scored: what each of them costs the others is not measured"
 
@@ -149,27 +149,30 @@ def panel_drives(
     Raises:
         InputError: They are not stored, and a complete panel was asked for.
     """
-    key = "" if stored is None else key_of(world, panel, settings, measures_hindrance=measures_hindrance)
-    found = None if stored is None else stored.find(key)
+    if stored is None:
+        return _driven(world, panel, settings, measures_hindrance=measures_hindrance)
+    asked = Asked.of(world, panel, settings, measures_hindrance=measures_hindrance)
+    found = stored.find(asked.key)
     if found is not None:
         return found
-    if stored is not None and stored.is_complete:
+    if stored.is_complete:
+        has = f"; it has {stored.about}" if stored.about else ""
         raise InputError(
-            f"{stored.path}: nothing in the place of agent {world.agent_id} of {world.scenario.name} with this traffic "
-            f"and predictor ({f'no {key}' if key else 'it depends on code or files of yours'})"
-            + (f"; it has {stored.about}" if stored.about else "")
+            f"{stored.path}: nothing in the place of agent {world.agent_id} of {world.scenario.name}{_LACKS}"
+            f"{stored.why_not(asked)}{has}"
         )
     made = _driven(world, panel, settings, measures_hindrance=measures_hindrance)
-    if stored is None:
+    if stored.writes:
+        stored.keep(asked, made)
         return made
-    stored.keep(key, made)
-    told = f"{stored.path} has nothing in the place of agent {world.agent_id} {_DRIVEN_ANEW}"
-    return made if stored.writes else replace(made, notes=(*made.notes, told))
+    told = f"{stored.path} lacks the place of agent {world.agent_id}{_LACKS}{stored.why_not(asked)}{_DRIVEN_ANEW}"
+    return replace(made, notes=(*made.notes, told))
 
 
-def was_driven_anew(notes: Sequence[str]) -> bool:
-    """Whether notes on drives of a panel say that a stored panel had nothing there."""
-    return any(note.endswith(_DRIVEN_ANEW) for note in notes)
+def why_driven_anew(notes: Sequence[str]) -> str:
+    """Why a stored panel had nothing in a place, by the notes on the drives there; "" if it had, or there is none."""
+    told = (note for note in notes if _LACKS in note and note.endswith(_DRIVEN_ANEW))
+    return next((note.partition(_LACKS)[2].removesuffix(_DRIVEN_ANEW) for note in told), "")
 
 
 def _driven(world: World, panel: Sequence[str], settings: ScoringSettings, *, measures_hindrance: bool) -> PanelDrives:

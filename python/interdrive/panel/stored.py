@@ -3,8 +3,9 @@
     panel.json      what the folder is: version, drivers, and where they drove
     <key>.npz       all drives in the place of one agent, and the world without it
 
-The key of a place is a hash of everything that decides about the drives. A world with code or files of the user is not
-stored: nothing here would say that they have changed.
+The key of a place is a hash of the agent and its file, followed by one of everything else that decides about the
+drives. The file holds the settings, too, to tell what differs where a place is there with others. A world with code or
+files of the user is not stored: nothing here would say that they have changed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+from collections import Counter
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
     from interdrive.scoring import ScoringSettings
 
 #: Layout of the folder.
-FORMAT = 2
+FORMAT = 3
 
 _MARK = "panel.json"
 
@@ -46,19 +48,70 @@ _ARRAYS = ("time", "way", "velocity", "s", "x", "y", "free")
 _WORLD = tuple(item.name for item in fields(Undisturbed) if item.name != "first_time_step")
 
 
-def key_of(world: World, drivers: Sequence[str], settings: ScoringSettings, *, measures_hindrance: bool) -> str:
-    """Hash of all that decides about the drives in the place of an agent; "" if that cannot be told."""
-    if not world.is_closed:
-        return ""
-    content = {
-        "format": FORMAT,
-        "version": _core.__version__,
-        "drivers": list(drivers),
-        "hindrance": measures_hindrance,
-        "bounds": {name: value for name, value in flatten(settings).items() if not name.startswith(_OF_SCORES)},
-        **world.content(),
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:32]
+#: Letters of a key: those of the agent and its file, and all.
+_OF_PLACE, _KEY = 12, 32
+
+#: What a note says of values that are too long for it.
+_OTHER = {
+    "scenario": "the recording is read otherwise",
+    "present": "other participants",
+    "others": "other agents",
+}
+
+#: Settings that a note names, and letters of a value in it.
+_NAMED, _LONGEST = 3, 40
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The drives in the place of an agent that a score needs.
+
+    Attributes:
+        key: Hash of all that decides about them; "" if that cannot be told.
+        content: All that decides, in plain values.
+    """
+
+    key: str
+    content: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, world: World, drivers: Sequence[str], settings: ScoringSettings, *, measures_hindrance: bool) -> Asked:
+        """What a score with these drivers and bounds needs in the place of the agent of a world."""
+        if not world.is_closed:
+            return cls("", {})
+        bounds = {
+            f"scoring.{name}": value for name, value in flatten(settings).items() if not name.startswith(_OF_SCORES)
+        }
+        given = world.content()
+        of_run = given.pop("settings")
+        given |= {"drivers": list(drivers), "hindrance": measures_hindrance, **bounds, **of_run}
+        content = json.loads(_text(given))
+        place = _hash(_text([world.scenario.sha256, world.agent_id]))[:_OF_PLACE]
+        return cls((place + _hash(_text([FORMAT, _core.__version__, content])))[:_KEY], content)
+
+    def differences(self, content: Mapping[str, Any]) -> list[str]:
+        """What is other than in a stored `content`, such as "predictor neural, here lane_following"."""
+        names = [name for name in {**content, **self.content} if content.get(name) != self.content.get(name)]
+        return [_difference(name, content.get(name), self.content.get(name)) for name in names]
+
+
+def _text(content: object) -> str:
+    return json.dumps(content, sort_keys=True, default=str)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _difference(name: str, there: Any, here: Any) -> str:  # noqa: ANN401 - any JSON value
+    if name == "others" and there and here:
+        kinds = [" and ".join(sorted({str(choice) for choice in one.values()})) for one in (there, here)]
+        if kinds[0] != kinds[1]:
+            return f"traffic {kinds[0]}, here {kinds[1]}"
+    if name in _OTHER:
+        return _OTHER[name]
+    said = [one if isinstance(one, str) else json.dumps(one) for one in (there, here)]
+    return f"{name} {said[0]}, here {said[1]}" if max(map(len, said)) <= _LONGEST else f"other {name}"
 
 
 @dataclass(frozen=True)
@@ -152,30 +205,60 @@ class PanelFolder:
         except (OSError, ValueError, KeyError, TypeError, BadZipFile) as cause:
             raise ResultsError(f"{path}: cannot be read: {one_line(cause)}; delete the file") from cause
 
-    def said_lacking(self, anew: int, n: int, what: str) -> tuple[str, ...]:
-        """A note if drivers of the panel drove for `anew` of `n` runs or places; `what` says which of the two."""
-        if not anew:
-            return ()
-        has = f" (it has {self.about})" if self.about else ""
-        return (f"{self.path} lacks what {anew} of {n} {what} need{has}; its drivers drove anew, which takes longer",)
+    def why_not(self, asked: Asked) -> str:
+        """Why the drives that are asked for are not there, in words.
 
-    def keep(self, key: str, found: PanelDrives) -> None:
-        """Stores the drives `found` under a `key`, unless the folder is only read.
+        Raises:
+            ResultsError: A file is damaged.
+        """
+        if not asked.key:
+            return "it depends on code or files of yours"
+        found = []
+        for path in sorted(self.path.glob(f"{asked.key[:_OF_PLACE]}*.npz")):
+            try:
+                with np.load(path, allow_pickle=False) as arrays:
+                    found.append(asked.differences(json.loads(arrays["told"].tobytes().decode())["asked"]))
+            except (OSError, ValueError, KeyError, TypeError, AttributeError, BadZipFile) as cause:
+                raise ResultsError(f"{path}: cannot be read: {one_line(cause)}; delete the file") from cause
+        if not found:
+            return "no such place"
+        nearest = min(found, key=len)
+        more = f" and {len(nearest) - _NAMED} more" if len(nearest) > _NAMED else ""
+        return f"{'; '.join(nearest[:_NAMED])}{more}"
+
+    def said_lacking(self, reasons: Sequence[str], n: int, what: str) -> tuple[str, ...]:
+        """A note if drivers of the panel drove anew in runs or places.
+
+        Args:
+            reasons: Why, for each of them, in the words of `why_not`.
+            n: How many runs or places there are.
+            what: Which of the two they are.
+        """
+        if not reasons:
+            return ()
+        (why, times), *_ = Counter(reasons).most_common(1)
+        often = "" if times == len(reasons) else f"{times} times "
+        has = f", it has {self.about}" if self.about else ""
+        lacks = f"{self.path} lacks what {len(reasons)} of {n} {what} need ({often}{why}{has})"
+        return (f"{lacks}; its drivers drove anew, which takes longer",)
+
+    def keep(self, asked: Asked, found: PanelDrives) -> None:
+        """Stores the drives that were `asked` for and `found`, unless the folder is only read.
 
         Raises:
             ResultsError: They cannot be written.
         """
-        if not (key and self.writes):
+        if not (asked.key and self.writes):
             return
         content = io.BytesIO()
-        np.savez_compressed(content, **_encoded(found))
-        with replacing(self.path / f"{key}.npz") as partial:
+        np.savez_compressed(content, **_encoded(found, asked))
+        with replacing(self.path / f"{asked.key}.npz") as partial:
             partial.write_bytes(content.getvalue())
 
 
-def _encoded(found: PanelDrives) -> dict[str, Any]:
+def _encoded(found: PanelDrives, asked: Asked) -> dict[str, Any]:
     arrays: dict[str, Any] = {}
-    told: dict[str, Any] = {"notes": found.notes, "drives": {}, "hindrances": {}}
+    told: dict[str, Any] = {"asked": asked.content, "notes": found.notes, "drives": {}, "hindrances": {}}
     for number, (name, drive) in enumerate(found.drives.items()):
         arrays |= {f"{number}_{item}": getattr(drive, item) for item in _ARRAYS}
         told["drives"][name] = {
