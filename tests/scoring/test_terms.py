@@ -43,6 +43,12 @@ def test_a_parabola_passes_the_filter_unchanged_at_its_ends_too():
         assert smoothed(3.0 * t**2 - t, window, DT, 2) == pytest.approx(np.full(20, 6.0), abs=1e-8)
 
 
+def test_comfort_is_told_by_the_bound_that_is_exceeded_most():
+    """It speeds up with 2.5 m/s² of 2.4, and turns with 6 m/s² of 4.89."""
+    drive = motion(np.full(40, 2.5), velocity=10.0, orientation=0.06 * np.arange(40))
+    assert comfort_term(drive, DT, ComfortBounds()).words.startswith("lateral acceleration 6.00 m/s² at ")
+
+
 def test_comfort_needs_three_states():
     assert math.isnan(comfort_term(motion(np.zeros(2)), DT, ComfortBounds()).value)
     assert comfort_term(motion(np.zeros(3)), DT, ComfortBounds()).value == 1.0

@@ -67,7 +67,7 @@ def speed_term(velocity: Floats, limit: Floats, dt: float, overspeed: float) -> 
 
 
 def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
-    """1 if all bounds hold, else 0; nan with fewer than 3 states."""
+    """1 if all bounds hold, else 0, in words by the bound that is exceeded most; nan with fewer than 3 states."""
     if len(motion.x) < STATES_MIN:
         return Term(math.nan)
     heading = np.unwrap(motion.orientation)
@@ -97,13 +97,13 @@ def comfort_term(motion: Motion, dt: float, bounds: ComfortBounds) -> Term:
         ),
         ("jerk", np.abs(smoothed(size, CHANGE_WINDOW, dt, 1)), bounds.jerk, "m/s³"),
     )
-    for name, values, bound, unit in checks:
-        worst = int(values.argmax())
-        if values[worst] > bound:
-            when = said_seconds(int(motion.time_step[worst]), dt)
-            value = with_digits(float(values[worst]), bound, fewest=2)
-            return Term(0.0, f"{name} {value} {unit} at {when} s ({bound:g} allowed)")
-    return Term(1.0)
+    name, values, bound, unit = max(checks, key=lambda check: float(check[1].max()) / check[2])
+    worst = int(values.argmax())
+    if not values[worst] > bound:
+        return Term(1.0)
+    when = said_seconds(int(motion.time_step[worst]), dt)
+    value = with_digits(float(values[worst]), bound, fewest=2)
+    return Term(0.0, f"{name} {value} {unit} at {when} s ({bound:g} allowed)")
 
 
 def direction_term(motion: Motion, off: Floats, dt: float) -> Term:
