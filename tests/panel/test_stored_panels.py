@@ -64,6 +64,19 @@ def test_a_stored_panel_gives_the_same_bits_without_driving(run, folder, nothing
     assert stored.hindrances == driven.hindrances
 
 
+def test_an_agent_takes_a_run_of_each_driver_and_one_without_it(run, monkeypatch):
+    runs = []
+
+    def counted(*arguments, **options):
+        runs.append(options["agents"])
+        return idr.simulate(*arguments, **options)
+
+    monkeypatch.setattr("interdrive.panel.worlds.simulate", counted)
+    idr.score(run, [AGENT], panel="default")
+    assert len(runs) == len(PANEL) + 1
+    assert sum(AGENT not in agents for agents in runs) == 1
+
+
 def test_one_panel_serves_all_planners_in_the_same_place(folder, nothing_drives):
     for planner in ("rollout", "frenet,level=1"):
         found = idr.score(drive(planner), [AGENT], panel=PanelFolder.open(folder, is_complete=True))

@@ -12,6 +12,7 @@ import pytest
 import interdrive as idr
 from interdrive.batches.store import BatchFolder
 from interdrive.benchmarks import read_benchmark, read_set, run
+from interdrive.benchmarks.fitted import fitted_notes
 from interdrive.benchmarks.passages import located
 from interdrive.benchmarks.ranking_tables import COLUMNS_MAX
 from interdrive.benchmarks.sets import BenchmarkSet, Passage, Recording, SetFile
@@ -139,3 +140,16 @@ def test_without_all_traffic_that_counts_there_is_no_number(tmp_path, monkeypatc
     assert math.isnan(found.score) and found.table[0].columns["recorded"] > 0.0
     assert found.ranking is not None and [one.rank for one in found.ranking.ranks] == [0]
     assert found.command.endswith("--panel none --columns recorded")
+
+
+def test_drivers_that_were_fitted_on_a_place_of_the_set_are_told():
+    """`calibrated` drivers of idm were fitted on MONA East and US 101, usual ones on nothing."""
+    files = read_set("public-2").files
+    (told,) = fitted_notes(["idm", "idm,drivers=calm", "idm,drivers=calibrated"], files)
+    own = [file for file in files if file.place in ("MONA-East", "US 101, Los Angeles")]
+    assert told == (
+        f"idm,drivers=calibrated was fitted on MONA-East, US 101, Los Angeles ({len(own)} of {len(files)} files): "
+        "scores there are no test of it"
+    )
+    elsewhere = [file for file in files if file not in own]
+    assert fitted_notes("idm,drivers=calibrated", elsewhere) == ()

@@ -95,7 +95,7 @@ def test_the_sentence_says_whether_the_ranking_depends_on_the_traffic():
     assert ranked(same).sentence == "the ranking is the same in all traffic"
     values = same.values.copy()
     values[[0, 2], 0] = values[[2, 0], 0]
-    said = ranked(standings(values)).sentence
+    said = ranked(standings(values, traffic=("recorded", "a", "b"))).sentence
     assert said.startswith("the ranking depends on the traffic: tau(replay, a) -1.0 (-1.0 to -1.0); ")
     assert said.endswith("moves from 3 to 1") or said.endswith("moves from 1 to 3")
 

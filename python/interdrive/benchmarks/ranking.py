@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from interdrive.benchmarks.sets import traffic_name
 from interdrive.comparison.intervals import LEVEL, PLACES_SURE, SAMPLES, SEED, chance, draws, holm, interval, letters
 
 if TYPE_CHECKING:
@@ -297,7 +298,8 @@ def _sentence(ranks: Sequence[Rank], agreements: Sequence[Agreement]) -> str:
     if least is None:
         return ""
     span = "" if math.isnan(least.low) else f" ({least.low:.1f} to {least.high:.1f})"
-    said = f"the ranking depends on the traffic: tau({least.one}, {least.other}) {least.tau:.1f}{span}"
+    pair = f"{traffic_name(least.one)}, {traffic_name(least.other)}"
+    said = f"the ranking depends on the traffic: tau({pair}) {least.tau:.1f}{span}"
     moved = max(
         (one for one in ranks if {least.one, least.other} <= one.rank_by_traffic.keys()),
         key=lambda one: abs(one.rank_by_traffic[least.one] - one.rank_by_traffic[least.other]),

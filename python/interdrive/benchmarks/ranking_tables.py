@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from interdrive.benchmarks.sets import NON_REACTIVE
+from interdrive.benchmarks.sets import traffic_name
 from interdrive.comparison.paper import PaperTable
 
 if TYPE_CHECKING:
@@ -19,11 +19,6 @@ COLUMNS_MAX = 8
 
 #: What marks a planner among its own copies, and what a number counts.
 OWN = "*"
-
-
-def traffic_name(kind: str) -> str:
-    """How a kind of traffic is headed."""
-    return "replay" if kind == NON_REACTIVE else kind
 
 
 def cell(one: Rank, kind: str) -> str:
@@ -75,7 +70,8 @@ def ranking_tables(found: Ranking, chosen: BenchmarkSet, traffic: Sequence[str],
     for first in range(0, len(traffic), COLUMNS_MAX - 1):
         part = traffic[first : first + COLUMNS_MAX - 1]
         body = tuple((one.planner, *(cell(one, kind) for kind in part)) for one in found.ranks)
-        caption = f"Score by traffic; {OWN} among its own copies. {found.sentence}".rstrip() + "."
+        said = f" {found.sentence[:1].upper()}{found.sentence[1:]}." if found.sentence else ""
+        caption = f"Score by traffic; {OWN} among its own copies.{said}"
         tables.append(PaperTable(caption, ("planner", *(traffic_name(kind) for kind in part)), body))
     if found.agreements:
         pairs = tuple(

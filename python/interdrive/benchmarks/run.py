@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from interdrive.batches import batch
 from interdrive.batches.plan import choices, traffic_kind
 from interdrive.batches.store import BatchFolder
+from interdrive.benchmarks.fitted import fitted_notes
 from interdrive.benchmarks.passages import PASSAGES, located
 from interdrive.benchmarks.ranking import places_needed, ranked
 from interdrive.benchmarks.ranking_tables import ranking_tables
@@ -155,7 +156,7 @@ def benchmark(
     listed = {file.sha256: file.agents for file in there}
     labels = list(choices(planner, "planner"))
     keys: list[str] = []
-    notes: list[str] = []
+    notes = list(fitted_notes(planner, there))
     for traffic in driven:
         among = _planners(planner, traffic)
         if not among:
@@ -190,7 +191,8 @@ def benchmark(
         notes=tuple(notes),
     )
     _save(result, chosen)
-    about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}"
+    fitted = "".join(f". {note}" for note in fitted_notes(planner, there))
+    about = f"Set {set} (SHA-256 {chosen.sha256[:12]}), split {split}; {result.command}{fitted}"
     tables = {"ranking": ranking_tables(ranking, chosen, driven, about)}
     humans = [label for label in labels if label == "recorded"]
     if len(humans) < len(labels) and {NON_REACTIVE, REACTIVE} <= {*driven}:

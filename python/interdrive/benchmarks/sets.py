@@ -24,6 +24,11 @@ SPLITS = ("test", "dev", "all")
 _ENDINGS = (".xml", ".pb")
 
 
+def traffic_name(kind: str) -> str:
+    """How a kind of traffic is headed."""
+    return "replay" if kind == NON_REACTIVE else kind
+
+
 @dataclass(frozen=True)
 class Passage:
     """The part of a joined recording in which a vehicle is under test.

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.markup import escape
 
-from interdrive.benchmarks.ranking_tables import OWN, cell, rank_text, traffic_name
+from interdrive.benchmarks.ranking_tables import OWN, cell, rank_text
+from interdrive.benchmarks.sets import traffic_name
 from interdrive.cli.report import output, print_folder, print_table, table_of
 from interdrive.cli.terminal import print_csv
 from interdrive.comparison.scores import ZEROS
