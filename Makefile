@@ -101,6 +101,7 @@ check: $(VENV)/.installed ## formatters, linters, types, stubs, layers
 	$(BIN)/python scenarios/make.py --check
 	$(BIN)/python crates/python/settings.py --check
 	$(BIN)/python crates/python/observation.py --check
+	$(BIN)/python benchmarks/populations.py --check
 	$(BIN)/python frontend/contract.py --check
 	$(BIN)/python releases/licences.py --check
 

@@ -59,9 +59,39 @@ def test_what_is_drawn_lies_around_the_medians_and_within_bounds(name):
         assert PARAMETERS[key][0] <= values.min() <= values.max() <= PARAMETERS[key][1]
 
 
-def test_calm_drivers_keep_more_room_than_brisk_ones():
-    gaps = [POPULATIONS[name].parameters["time_gap"].median for name in ("calm", "house", "brisk")]
-    assert gaps == sorted(gaps, reverse=True)
+def _share_below(source, name, value):
+    """Of the drivers of a population, the share that draw less."""
+    return float(np.mean([source.drawn(3, agent)[name] < value for agent in range(4000)]))
+
+
+@pytest.mark.parametrize(("name", "roomy"), [("calm", 0.85), ("brisk", 0.15)])
+def test_calm_and_brisk_drivers_are_at_opposite_ends_of_the_calibrated_ones(name, roomy):
+    source, found = POPULATIONS["calibrated"], POPULATIONS[name]
+    for key in ("time_gap", "minimum_gap"):
+        assert _share_below(source, key, found.parameters[key].median) == pytest.approx(roomy, abs=0.02), key
+    for key in ("acceleration", "deceleration", "desired_factor"):
+        assert _share_below(source, key, found.parameters[key].median) == pytest.approx(1.0 - roomy, abs=0.02), key
+    assert found.constants == source.constants
+    assert found.fitted_on == source.fitted_on
+
+
+def test_drivers_of_the_house_are_around_the_defaults_of_idm_and_waver():
+    found = POPULATIONS["house"]
+    medians = {name: one.median for name, one in found.parameters.items()}
+    usual = idr.Idm()
+    assert medians == {
+        "time_gap": usual.time_gap,
+        "minimum_gap": usual.minimum_gap,
+        "acceleration": usual.acceleration,
+        "deceleration": usual.deceleration,
+        "desired_factor": 1.0,
+    }
+    assert {name: one.sd for name, one in found.parameters.items()} == {
+        **dict.fromkeys(medians, 0.25),
+        "desired_factor": 0.1,
+    }
+    assert found.constants == {"noise": 0.2, "noise_length": 1.5}
+    assert found.fitted_on == ()
 
 
 def test_the_calibrated_population_says_where_it_is_from():

@@ -145,7 +145,7 @@ def test_without_all_traffic_that_counts_there_is_no_number(tmp_path, monkeypatc
 def test_drivers_that_were_fitted_on_a_place_of_the_set_are_told():
     """`calibrated` drivers of idm were fitted on MONA East and US 101, usual ones on nothing."""
     files = read_set("public-2").files
-    (told,) = fitted_notes(["idm", "idm,drivers=calm", "idm,drivers=calibrated"], files)
+    (told,) = fitted_notes(["idm", "idm,drivers=house", "idm,drivers=calibrated"], files)
     own = [file for file in files if file.place in ("MONA-East", "US 101, Los Angeles")]
     assert told == (
         f"idm,drivers=calibrated was fitted on MONA-East, US 101, Los Angeles ({len(own)} of {len(files)} files): "

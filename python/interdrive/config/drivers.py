@@ -281,11 +281,6 @@ def check_planner(drivers: Drivers, planner: str) -> None:
         )
 
 
-def _population(name: str, medians: Mapping[str, float], sd: float) -> Drivers:
-    logs = {key: Distribution(value, sd, "log", *PARAMETERS[key]) for key, value in medians.items() if value > 0.0}
-    return Drivers(name, {key: logs[key] for key in PARAMETERS if key in logs})
-
-
 def read_drivers(spec: str | Drivers) -> Drivers:
     """A population by its name, or from a file that ends in .toml.
 
@@ -434,19 +429,8 @@ def _shipped(name: str) -> Drivers:
     return _from_table(name, tomllib.loads(file.read_text(encoding="utf-8")))
 
 
-#: Populations by name. `house`: around the defaults of `idm`; `calm`: more room, softer; `brisk`: less room, harder.
-#: `calibrated`: fitted to recordings, see its provenance.
+#: Populations by name. `house`: around the defaults of `idm`, by hand; `calibrated`: fitted to recordings, see its
+#: provenance; `calm`, `brisk`: its drivers with more room and softer, or with less room and harder.
 POPULATIONS: Mapping[str, Drivers] = MappingProxyType(
-    {
-        "house": _population(
-            "house", {"time_gap": 1.0, "minimum_gap": 2.0, "acceleration": 1.0, "deceleration": 1.5}, 0.25
-        ),
-        "calm": _population(
-            "calm", {"time_gap": 1.6, "minimum_gap": 2.6, "acceleration": 0.8, "deceleration": 1.2}, 0.15
-        ),
-        "brisk": _population(
-            "brisk", {"time_gap": 0.8, "minimum_gap": 1.6, "acceleration": 1.6, "deceleration": 2.2}, 0.15
-        ),
-        "calibrated": _shipped("calibrated"),
-    }
+    {name: _shipped(name) for name in ("house", "calm", "brisk", "calibrated")}
 )
