@@ -78,7 +78,9 @@ def source_of(table: dict[str, Any], usual: dict[str, dict[str, Any]], *, checke
         items = (f"{entry['name']}: {text_of(entry)}" for entry in own)
         wrapped = (textwrap.fill(item, 112, initial_indent="    ", subsequent_indent=" " * 8) for item in items)
         about += "\n\nAttributes:\n" + "\n".join(wrapped)
-    lines = ["@dataclass(frozen=True)", f"class {table['name']}{f'({bases[0]})' if bases else ''}:"]
+    # The fields of the last base come first.
+    of_bases = f"({', '.join(reversed(bases))})" if bases else ""
+    lines = ["@dataclass(frozen=True)", f"class {table['name']}{of_bases}:"]
     close = '\n"""' if "\n" in about else '"""'
     lines += textwrap.indent(f'"""{about}{close}', "    ").splitlines()
     lines += ["", *map(declaration, other + own)] if other + own else []
@@ -104,7 +106,7 @@ def records() -> str:
     parts = [HEAD]
     for table in found.values():
         bases = [entry["default"]["name"] for entry in table["fields"] if not entry["name"]]
-        usual = defaults_of(found[bases[0]]) if bases else {}
+        usual = {name: entry for base in bases for name, entry in defaults_of(found[base]).items()}
         parts.append(source_of(table, usual, checked=table["name"] in names))
     return "\n\n".join(parts)
 

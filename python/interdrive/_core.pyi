@@ -1,6 +1,6 @@
 """The native core: handles, arrays, errors. SI units, radians, world frame; arrays are read-only."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
@@ -584,6 +584,8 @@ class Ego:
     @property
     def goal_time_step(self) -> tuple[int, int]: ...
     @property
+    def driver(self) -> Mapping[str, float]: ...
+    @property
     def route(self) -> Route: ...
     @property
     def s(self) -> float: ...
@@ -743,6 +745,7 @@ class World:
         id: int,
         told: tuple[float, float, list[tuple[float, float, int, int | None]]] | None = None,
         known: Sequence[tuple[Any, ...]] | None = None,
+        driver: dict[str, float] | None = None,
     ) -> View: ...
     def scene_from(self, parts: tuple[Any, ...]) -> Scene: ...
     def predict(self, predictor: Predictor, scene: Scene, n_steps: int) -> Predictions: ...

@@ -118,14 +118,52 @@ class Rollout:
 
 
 @dataclass(frozen=True)
+class Wavering:
+    """How a driver wavers.
+
+    Attributes:
+        noise: Standard deviation of a random part of the acceleration: how much the driver wavers. `frenet` changes
+            its desired speed instead, by `noise_length` times as much. Between 0 and 5.
+        noise_length: Time over which that part changes. Positive and at most 60.
+        noise_seed: Which random parts these are, that of the place in the lane among them. Between 0 and
+            4294967295.
+    """
+
+    noise: Annotated[float, "m/s²"] = 0.0
+    noise_length: Annotated[float, "s"] = 1.5
+    noise_seed: int = 0
+
+
+@dataclass(frozen=True)
+class PlaceInLane(Wavering):
+    """How a driver wavers, and where it is in its lane.
+
+    Attributes:
+        lateral_offset: Where in its lane it wants to be, to the left of the middle. Between -2 and 2.
+        lateral_kept: Share of its offset from the middle of the lane at the start that it keeps besides. Between 0
+            and 1.
+        lateral_noise: Standard deviation of a random part of that place. Between 0 and 1.
+        lateral_length: Time over which that part changes. Positive and at most 60.
+        lateral_way: Way on which that part changes instead, however long it takes; 0: it changes with time. Between
+            0 and 1000.
+    """
+
+    lateral_offset: Annotated[float, "m"] = 0.0
+    lateral_kept: float = 0.0
+    lateral_noise: Annotated[float, "m"] = 0.0
+    lateral_length: Annotated[float, "s"] = 2.0
+    lateral_way: Annotated[float, "m"] = 0.0
+
+
+@dataclass(frozen=True)
 class FrenetWeights:
     """Weights of the terms of the cost; zero disables a term. Every term is zero or positive.
 
     Attributes:
         velocity_offset: Root of the summed squares of speed minus desired speed over all points [m/s]. Not
             negative.
-        distance_to_reference: Root of the summed squares of the lateral offset over the last half of the points
-            [m]. Not negative.
+        distance_to_reference: Root of the summed squares of the lateral offset, from where the agent wants to be in
+            its lane, over the last half of the points [m]. Not negative.
         lateral_jerk: Root of the integral of the squared lateral jerk over the horizon [m/s^2.5]. Not negative.
         longitudinal_jerk: Root of the integral of the squared longitudinal jerk over the horizon [m/s^2.5]. Not
             negative.
@@ -183,7 +221,7 @@ class FrenetComfort:
 
 
 @dataclass(frozen=True)
-class Frenet:
+class Frenet(PlaceInLane):
     """Sampling in the Frenet frame of the reference path.
 
     Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
@@ -259,7 +297,7 @@ class CarFollowing:
 
 
 @dataclass(frozen=True)
-class VelocityAdjusting(CarFollowing):
+class VelocityAdjusting(Wavering, CarFollowing):
     """Keeps the recorded path and, where the way is free, the recorded speed.
 
     Behind leaders and before crossing participants it brakes with the Intelligent Driver Model: Treiber, Hennecke,
@@ -276,7 +314,7 @@ class VelocityAdjusting(CarFollowing):
 
 
 @dataclass(frozen=True)
-class Idm(CarFollowing):
+class Idm(PlaceInLane, CarFollowing):
     """Drives the reference path of its route with the Intelligent Driver Model.
 
     Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic simulations", Phys.
@@ -293,29 +331,11 @@ class Idm(CarFollowing):
         improved: Share of the improved model (Treiber and Kesting 2013, section 11.3.7), in which who follows keeps
             its time gap at any speed below the desired one; in the plain one the gap grows as the speed nears it.
             Between 0 and 1.
-        noise: Standard deviation of a random part of the acceleration: how much the driver wavers. Between 0 and 5.
-        noise_length: Time over which that part changes. Positive and at most 60.
-        noise_seed: Which random parts of acceleration and place in the lane these are. Between 0 and 4294967295.
-        lateral_offset: Where in its lane it wants to be, to the left of the middle. Between -2 and 2.
-        lateral_kept: Share of its offset from the middle of the lane at the start that it keeps besides. Between 0
-            and 1.
-        lateral_noise: Standard deviation of a random part of that place. Between 0 and 1.
-        lateral_length: Time over which that part changes. Positive and at most 60.
-        lateral_way: Way on which that part changes instead, however long it takes; 0: it changes with time. Between
-            0 and 1000.
     """
 
     desired_velocity_max: Annotated[float, "m/s"] = math.inf
     lateral_acceleration: Annotated[float, "m/s²"] = 4.0
     improved: float = 0.0
-    noise: Annotated[float, "m/s²"] = 0.0
-    noise_length: Annotated[float, "s"] = 1.5
-    noise_seed: int = 0
-    lateral_offset: Annotated[float, "m"] = 0.0
-    lateral_kept: float = 0.0
-    lateral_noise: Annotated[float, "m"] = 0.0
-    lateral_length: Annotated[float, "s"] = 2.0
-    lateral_way: Annotated[float, "m"] = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

@@ -230,7 +230,8 @@ class Simulation:
             steps_without_agents=self._steps_without_agents,
         )
         self._start_sumo()
-        self._called = CalledPlanners(called, self._planner_names, self.settings.step.planner_timeout_s)
+        drivers = {i: dict(self._configs[i].driver) for i in called}
+        self._called = CalledPlanners(called, self._planner_names, self.settings.step.planner_timeout_s, drivers)
         self._start_processes()
         self._touching = self.world.entered_in_contact
         self._hits: list[Hit] = []

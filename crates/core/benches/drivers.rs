@@ -5,7 +5,7 @@ use std::sync::Arc;
 use criterion::{Criterion, criterion_group, criterion_main};
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
-use interdrive_core::plan::{CarFollowing, IdmSettings, LawfulSettings, Planner};
+use interdrive_core::plan::{IdmSettings, LawfulSettings, Planner, VelocityAdjustingSettings};
 use interdrive_core::predict::{LaneFollowing, Predictor};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{RouteSettings, find_route};
@@ -97,7 +97,7 @@ fn benches(c: &mut Criterion) {
     group.measurement_time(std::time::Duration::from_secs(2)).sample_size(20);
     for (name, planner) in [
         ("recorded", Planner::Recorded),
-        ("velocity_adjusting", Planner::VelocityAdjusting(CarFollowing::default())),
+        ("velocity_adjusting", Planner::VelocityAdjusting(VelocityAdjustingSettings::default())),
         ("idm", Planner::Idm(IdmSettings::default())),
         ("lawful", Planner::Lawful(LawfulSettings::default())),
         ("idm_mobil", Planner::IdmMobil(Box::default())),

@@ -214,8 +214,9 @@ pub(crate) use choice;
 /// ```text
 /// settings! {
 ///     /// What it is for.
-///     pub struct RustName as PythonName(inner: Inner) {   // the fields of `inner` count as its own; `PythonName [N]`
-///                                                         // instead: N numbers, which `as_array` gives
+///     pub struct RustName as PythonName(inner: Inner) {   // the fields of `inner` count as its own, likewise those of
+///                                                         // others behind a comma; `PythonName [N]` instead: N
+///                                                         // numbers, which `as_array` gives
 ///         /// What it means.
 ///         horizon: f64 ["s"] = 3.0, positive(60.0);       // unit and range may be left out
 ///         /// Settings of their own.
@@ -245,7 +246,7 @@ macro_rules! settings {
     (@or $otherwise:expr, $given:expr) => { $given };
     ($(
         $(#[doc = $about:literal])+
-        pub struct $name:ident as $python:ident $([$n:expr])? $(($base:ident: $base_type:ty $(= $base_default:expr)?))? {
+        pub struct $name:ident as $python:ident $([$n:expr])? $(($($base:ident: $base_type:ty $(= $base_default:expr)?),+))? {
             $(
                 $(#[doc = $text:literal])+
                 $field:ident: $type:ty $([$unit:literal])? $(= $default:expr $(, $range:expr)?)?;
@@ -255,10 +256,10 @@ macro_rules! settings {
         $(#[doc = $about])+
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub struct $name {
-            $(
+            $($(
                 /// Fields that count as its own.
                 pub $base: $base_type,
-            )?
+            )+)?
             $(
                 $(#[doc = $text])+
                 $(#[doc = concat!("[", $unit, "]")])?
@@ -271,7 +272,7 @@ macro_rules! settings {
         impl Default for $name {
             fn default() -> Self {
                 Self {
-                    $($base: settings!(@or Default::default() $(, $base_default)?),)?
+                    $($($base: settings!(@or Default::default() $(, $base_default)?),)+)?
                     $($field: settings!(@or Default::default() $(, $default)?),)*
                 }
             }
@@ -294,7 +295,7 @@ macro_rules! settings {
             fn fields(&mut self) -> Vec<($crate::settings::Field, $crate::settings::Value<'_>)> {
                 use $crate::settings::{AsValue, Field};
                 vec![
-                    $((Field { name: "", unit: "", text: "", range: $crate::settings::ANY }, self.$base.as_value()),)?
+                    $($((Field { name: "", unit: "", text: "", range: $crate::settings::ANY }, self.$base.as_value()),)+)?
                     $((
                         Field {
                             name: stringify!($field),

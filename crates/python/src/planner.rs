@@ -54,7 +54,7 @@ impl PyPlanner {
             "rollout" => Planner::Rollout(Box::new(read(record)?)),
             "frenet" => Planner::Frenet(Box::new(read(record)?)),
             "recorded" => Planner::Recorded,
-            "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?.law),
+            "velocity_adjusting" => Planner::VelocityAdjusting(read::<VelocityAdjustingSettings>(record)?),
             "idm" => Planner::Idm(read(record)?),
             "lawful" => Planner::Lawful(read(record)?),
             "pdm" => Planner::Pdm(Box::new(read(record)?)),

@@ -14,7 +14,7 @@ use interdrive_core::trajectory::State;
 use interdrive_core::world::{Agent, Progress};
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyMappingProxy, PyTuple};
 
 use crate::arrays::{self, Grid, Row};
 use crate::errors::{InputError, exception};
@@ -50,6 +50,8 @@ pub struct PyView {
     /// At every point of the reference path.
     pub speed_limit: Vec<f64>,
     pub road: Arc<RoadNetwork>,
+    /// What its driver has drawn, by name.
+    pub driver: Option<Py<PyDict>>,
 }
 
 impl PyView {
@@ -371,6 +373,11 @@ getters! { PyEgo {
     vehicle: PyVehicle = |this| PyVehicle(this.view.get().agent.vehicle);
     /// The goal of the agent.
     goal: PyGoal = |this| PyGoal(this.view.get().agent.goal.clone());
+    /// What its driver has drawn, by name, as numbers; empty if its planner was given no drivers.
+    driver: Bound<'py, PyMappingProxy> = |this, py| {
+        let own = this.view.get().driver.as_ref().map_or_else(|| PyDict::new(py), |own| own.bind(py).clone());
+        PyMappingProxy::new(py, own.as_mapping())
+    };
     /// Lanelets to the goal and the reference path along them.
     route: PyRoute = |this| {
         let view = this.view.get();

@@ -177,14 +177,16 @@ impl PyWorld {
     }
 
     /// What an agent sees. `told` is `Ego._progress` of this view in the process that simulates: the world there knows
-    /// it. `known` is what `Predictions.known` says; without it the view has what the agent's sensors see.
-    #[pyo3(signature = (scene, id, told=None, known=None))]
+    /// it. `known` is what `Predictions.known` says; without it the view has what the agent's sensors see. `driver` is what its
+    /// driver has drawn.
+    #[pyo3(signature = (scene, id, told=None, known=None, driver=None))]
     fn view(
         &self,
         scene: &PyScene,
         id: i64,
         told: Option<ProgressParts>,
         known: Option<Vec<KnownParts>>,
+        driver: Option<Py<PyDict>>,
     ) -> PyResult<PyView> {
         let agent = Arc::clone(self.0.agent(id).map_err(exception)?);
         let visible = self.0.visible(id, &scene.scene).map_err(exception)?;
@@ -205,6 +207,7 @@ impl PyWorld {
             perceived: seems.map(|seems| (Arc::clone(&scene.scene), seems)),
             road: Arc::clone(&self.0.scenario().road),
             agent,
+            driver,
         })
     }
 

@@ -20,7 +20,6 @@ from interdrive.calibration.stages import Stages
 from interdrive.calibration.variables import population, ranges, values_at
 from interdrive.calibration.verdicts import verdict
 from interdrive.calibration.worlds import SHORT_WINDOWS, Worlds
-from interdrive.config.drivers import WAVERING
 from interdrive.config.plugins import Choice
 from interdrive.errors import InputError
 from interdrive.files import content_of_input
@@ -44,6 +43,8 @@ _VEHICLES_MIN = 10
 _HORIZON = 8.0
 #: The population that a calibration writes, and where those are that leave a place out.
 _FILE, _FOLDS = "drivers.toml", "folds"
+#: Planners whose drivers are fitted.
+_FITTED = ("idm", "idm_mobil")
 
 
 @dataclass(frozen=True)
@@ -247,8 +248,8 @@ def _write(file: Path, drivers: Drivers, planner: str, provenance: Mapping[str, 
 
 
 def _check(planner: str, stage: str, evaluations: int, drives: int, long: float, rollouts: int, workers: int) -> None:
-    if planner not in WAVERING:
-        raise InputError(f"planner {planner}", f"cannot be calibrated; {' and '.join(WAVERING)} can")
+    if planner not in _FITTED:
+        raise InputError(f"planner {planner}", f"cannot be calibrated; {' and '.join(_FITTED)} can")
     if stage not in ("A", "B"):
         raise InputError(f"stage: expected A or B, not {stage!r}")
     for name, value, most in (("evaluations", evaluations, 100_000), ("drives", drives, 10_000)):

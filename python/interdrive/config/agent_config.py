@@ -5,6 +5,7 @@ run.json stores the plain values; passed back, they reproduce the run.
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from interdrive import _core
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.drivers import SETTINGS
+from interdrive.config.drivers import SETTINGS, TEMPERAMENT
 from interdrive.config.plugins import DEFAULT_PLANNER, read_choice
 from interdrive.config.specs import (
     DEFAULT,
@@ -67,7 +68,8 @@ class AgentConfig:
         view: Its view settings.
         rules: The rules of the road that it obeys.
         v2x: Whether it has V2X; None: as drawn by `v2x.penetration`.
-        driver: How fast it wants to be where its goal has no time, by name; what is missing is as usual.
+        driver: How fast it wants to be where its goal has no time, by name; what is missing is as usual. Of a planner
+            in Python all that its driver has.
     """
 
     planner: Resolved
@@ -217,7 +219,7 @@ def agent_configs(
             has_v2x = equipped.get(agent.id, equipped.get(DEFAULT)) if choice.v2x is None else choice.v2x
             view, kept = _record("view", view, choice.view), _record("rules", kept, choice.rules)
             planner = choice.planner if choice.drivers is None else _drawn(choice, agent, seed)
-            driver = _driver(choice, agent.id, agent.kind, seed)
+            driver = _driver(choice, agent.id, agent.kind, seed, agent.headway)
             found[agent.id] = AgentConfig(planner, view, kept, _truth(has_v2x), driver)
         except InputError as error:
             raise error.within(f"agent {agent.id}") from error
@@ -249,13 +251,21 @@ def temperament(config: RunConfig, seed: int) -> Callable[[int, str], Temperamen
         seed: Of what drivers draw.
     """
     own = {str(name): choice for name, choice in config.own.items()}
-    return lambda agent, kind: Temperament(**_driver(own.get(str(agent), config.default), agent, kind, seed))
+
+    def found(agent: int, kind: str) -> Temperament:
+        known = _driver(own.get(str(agent), config.default), agent, kind, seed)
+        return Temperament(**{name: known[name] for name in TEMPERAMENT if name in known})
+
+    return found
 
 
-def _driver(choice: AgentChoice, agent: int, kind: str, seed: int) -> dict[str, float]:
-    """What a choice says of the driver, and for the rest what the agent draws."""
-    drawn = {} if choice.drivers is None else choice.drivers.temperament(seed, agent, kind)
-    return {**drawn, **choice.driver}
+def _driver(choice: AgentChoice, agent: int, kind: str, seed: int, headway: float = math.nan) -> dict[str, float]:
+    """What a choice says of the driver, and for the rest what the agent draws beside the settings of its planner."""
+    if choice.drivers is None:
+        return dict(choice.driver)
+    if choice.planner.native is None:
+        return {**choice.drivers.values(seed, agent, kind, headway), **choice.driver}
+    return {**choice.drivers.temperament(seed, agent, kind), **choice.driver}
 
 
 def drawn_planners(

@@ -58,10 +58,24 @@ SETTINGS: Mapping[str, Mapping[str, str]] = MappingProxyType(
 )
 #: A driver whose headway at the start is this long [s] keeps what it draws; shorter and longer ones count as these [s].
 HEADWAY_USUAL, HEADWAYS_KEPT = 1.5, (0.3, 4.0)
-#: Planners whose drivers waver.
-WAVERING = ("idm", "idm_mobil")
+_NOISE = ("noise", "noise_length")
+_PLACE = ("lateral_offset", "lateral_kept", "lateral_noise", "lateral_length", "lateral_way")
+#: What all drivers of a population have in common, as far as planners have a setting for it: how they waver, and where
+#: they are in their lane.
+IN_COMMON: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "idm": ("improved", *_NOISE, *_PLACE),
+        "idm_mobil": ("improved", *_NOISE, *_PLACE),
+        "frenet": (*_NOISE, *_PLACE),
+        "velocity_adjusting": _NOISE,
+        "rollout": (),
+    }
+)
 #: There are so many ways to waver, drawn apart from the parameters.
 _WAVES, _NOISE_DRAW = 2**32, 1
+_SEED = "noise_seed"
+#: What all have in common that is spent when agents draw.
+_SPENT = "time_gap_kept"
 #: Version of the files.
 _FORMAT = 1
 #: Seeds are whole numbers below this.
@@ -205,17 +219,39 @@ class Drivers:
         names = SETTINGS.get(planner)
         if names is None:
             raise InputError("drivers", f"planner {planner} has none; {', '.join(SETTINGS)} have")
+        known = self.values(seed, agent, kind, headway)
+        found = {names[name]: value for name, value in known.items() if name in names}
+        common = {name: value for name, value in known.items() if name in IN_COMMON[planner]}
+        if not common.keys().isdisjoint(_LENGTHS.values()):
+            common[_SEED] = known[_SEED]
+        return {**found, **common}
+
+    def noise_seed(self, seed: int, agent: int) -> int:
+        """In which way an agent wavers.
+
+        Args:
+            seed: Of the run.
+            agent: Its id.
+        """
+        random = np.random.default_rng(np.random.SeedSequence([seed % _SEEDS, agent % _SEEDS, _NOISE_DRAW]))
+        return int(random.integers(_WAVES))
+
+    def values(self, seed: int, agent: int, kind: str = "car", headway: float = math.nan) -> dict[str, float]:
+        """All that the driver of an agent has, by name: what it draws, and what all have in common.
+
+        Args:
+            seed: Of the run.
+            agent: Its id.
+            kind: Of its vehicle.
+            headway: With which it starts [s]; nan: nobody is ahead.
+        """
         drawn = self.drawn(seed, agent, kind)
         if "time_gap" in drawn:
             drawn["time_gap"] = self.time_gap(drawn["time_gap"], headway)
-        found = {names[name]: value for name, value in drawn.items() if name in names}
-        constants = self.constants
-        if planner in WAVERING:
-            found |= {name: value for name, value in constants.items() if name not in _BESIDE_SETTINGS}
-        if planner in WAVERING and (self.noise > 0.0 or self.lateral_noise > 0.0):
-            random = np.random.default_rng(np.random.SeedSequence([seed % _SEEDS, agent % _SEEDS, _NOISE_DRAW]))
-            found["noise_seed"] = int(random.integers(_WAVES))
-        return found
+        common = {name: value for name, value in self.constants.items() if name != _SPENT}
+        if not common.keys().isdisjoint(_LENGTHS.values()):
+            common[_SEED] = self.noise_seed(seed, agent)
+        return {**drawn, **common}
 
     def temperament(self, seed: int, agent: int, kind: str = "car") -> dict[str, float]:
         """What an agent draws of `TEMPERAMENT`."""
@@ -242,17 +278,24 @@ class Drivers:
             raise InputError("correlation", "the matrix is not positive definite") from None
 
 
-def checked_temperament(given: Mapping[str, object]) -> dict[str, float]:
-    """Values of `TEMPERAMENT` as numbers.
+def checked_driver(given: Mapping[str, object], *, is_native: bool) -> dict[str, float]:
+    """What a choice says of a driver, as numbers.
+
+    Args:
+        given: By name.
+        is_native: The planner has settings for all but `TEMPERAMENT`; others are told of them in `view.ego.driver`.
 
     Raises:
         InputError: Another name, no number, or a value beyond its bounds.
     """
+    bounds = {**PARAMETERS, **{name: ends for name, ends in _CONSTANTS.items() if name != _SPENT}}
+    bounds[_SEED] = (0.0, _WAVES - 1.0)
+    known = TEMPERAMENT if is_native else tuple(bounds)
     found = {}
     for name, value in given.items():
-        if name not in TEMPERAMENT:
-            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(TEMPERAMENT)}")
-        low, high = PARAMETERS[name]
+        if name not in known:
+            raise InputError(f"driver.{name}", f"is not known; there are {', '.join(known)}")
+        low, high = bounds[name]
         try:
             number = math.nan if isinstance(value, bool) else float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
@@ -355,8 +398,6 @@ _CONSTANTS = {
 }
 #: A `lateral_offset` that each driver has at its start: all of it is kept.
 _AT_START = "start"
-#: Those that are no settings of a planner.
-_BESIDE_SETTINGS = ("time_gap_kept",)
 #: Lengths that mean nothing without the noise that they belong to.
 _LENGTHS = {"noise_length": "noise", "lateral_length": "lateral_noise", "lateral_way": "lateral_noise"}
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, cast
 
 from interdrive.config.binding import Setting, bind, flatten
-from interdrive.config.drivers import SETTINGS, Drivers, check_planner, checked_temperament, read_drivers
+from interdrive.config.drivers import SETTINGS, Drivers, check_planner, checked_driver, read_drivers
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
@@ -178,7 +178,8 @@ class AgentChoice:
         rules: Settings of the rules of the road that it obeys, likewise.
         v2x: Whether it has V2X, as given; None: as others have.
         drivers: The population from which each agent draws settings of its planner; None: all agents have the same.
-        driver: How fast it wants to be where its goal has no time, by `desired_factor` and `free_weight`.
+        driver: How fast it wants to be where its goal has no time, by `desired_factor` and `free_weight`; for a planner
+            in Python all that its driver has, see `view.ego.driver`.
     """
 
     planner: Resolved
@@ -237,12 +238,13 @@ def read_planner(spec: PlannerSpec, usual: PlannerSettings, default: AgentChoice
     )
     beside = ("v2x", "drivers")
     own = {name: value for name, value in given.items() if not name.startswith(_BESIDES) and name not in beside}
-    temper = checked_temperament(driver)
     if choice.chosen is not None:
         planner = _resolved(Choice(choice.chosen, own), usual, _PLANNER)
+        temper = checked_driver(driver, is_native=planner.native is not None)
         return AgentChoice(*_with_drivers(planner, given, view, rules, v2x, None), temper)
     base = default or AgentChoice(_resolved(DEFAULT_PLANNER, usual, _PLANNER))
     planner = _resolved(Choice(base.planner, own), usual, _PLANNER)
+    temper = checked_driver(driver, is_native=planner.native is not None)
     view, rules = {**base.view, **view}, {**base.rules, **rules}
     return AgentChoice(
         *_with_drivers(planner, given, view, rules, base.v2x if v2x is None else v2x, base.drivers),
@@ -263,9 +265,11 @@ def _with_drivers(
     if named is None:
         return planner, view, rules, v2x, usual
     drivers = named if isinstance(named, Drivers) else read_drivers(str(named))
-    if planner.native is None or planner.native not in SETTINGS:
-        raise InputError(f"planner {planner.name}", f"drivers={drivers.name}: it has none; {', '.join(SETTINGS)} have")
-    check_planner(drivers, planner.native)
+    if planner.native is not None:
+        if planner.native not in SETTINGS:
+            have = f"{', '.join(SETTINGS)} and planners in Python have"
+            raise InputError(f"planner {planner.name}", f"drivers={drivers.name}: it has none; {have}")
+        check_planner(drivers, planner.native)
     return replace(planner, label=f"{planner.label},drivers={drivers.name}"), view, rules, v2x, drivers
 
 

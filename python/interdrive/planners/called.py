@@ -27,14 +27,22 @@ class CalledPlanners:
         tracebacks: Of the exceptions that ended agents, by id.
     """
 
-    def __init__(self, planners: Mapping[int, Planner], names: Mapping[int, str], timeout_s: float) -> None:
+    def __init__(
+        self,
+        planners: Mapping[int, Planner],
+        names: Mapping[int, str],
+        timeout_s: float,
+        drivers: Mapping[int, dict[str, float]] | None = None,
+    ) -> None:
         """All planners begin in this process.
 
         Args:
             planners: By the id of their agent.
             names: Of all planners, for messages.
             timeout_s: Time limit of a call [s].
+            drivers: What drivers have drawn, for the views of their agents.
         """
+        self._drivers = drivers or {}
         self._here = dict(planners)
         self._names, self._timeout_s = names, timeout_s
         self._workers: Workers | None = None
@@ -105,10 +113,11 @@ class CalledPlanners:
             plan = logs.timed(agent_id, "call", planned, self._here[agent_id], view, seen)
             logs.timed(agent_id, "check", step.set, view, *plan)
 
-    @staticmethod
-    def _views(world: _core.World, step: _core.Step, logs: Logs) -> dict[int, _core.View]:
-        known = step.predictions.known
-        return {i: logs.timed(i, "view", world.view, step.scene, i, known=known(i)) for i in step.missing}
+    def _views(self, world: _core.World, step: _core.Step, logs: Logs) -> dict[int, _core.View]:
+        known, driver = step.predictions.known, self._drivers.get
+        return {
+            i: logs.timed(i, "view", world.view, step.scene, i, known=known(i), driver=driver(i)) for i in step.missing
+        }
 
     def _answers_of_workers(self, step: _core.Step, views: Mapping[int, _core.View], logs: Logs) -> dict[int, Answer]:
         if self._workers is None:
@@ -117,7 +126,7 @@ class CalledPlanners:
         away = {i: view for i, view in views.items() if i not in self._here}
         told = {i: predictions.known(i) for i in away}
         wanted = {
-            i: Wanted(view.ego._progress, told[i], predictions.seen_by(view) if told[i] else None)
+            i: Wanted(view.ego._progress, told[i], predictions.seen_by(view) if told[i] else None, self._drivers.get(i))
             for i, view in away.items()
         }
         answers = self._workers.ask(step.scene, predictions, wanted)

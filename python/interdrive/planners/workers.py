@@ -52,11 +52,13 @@ class Wanted:
         progress: Where it is and what it must not pass: `_progress` of its `Ego`.
         known: What it knows, for an agent with V2X.
         predictions: Predictions for those, for an agent with V2X.
+        driver: What its driver has drawn, if it has one.
     """
 
     progress: tuple[float, float, list[tuple[float, float, int, int | None]]]
     known: list[tuple[Any, ...]] | None = None
     predictions: _core.Predictions | None = None
+    driver: dict[str, float] | None = None
 
 
 @dataclass
@@ -257,7 +259,7 @@ def _work(
         scene = world.scene_from(scene_parts)
         for i, told in wanted:
             begin = time.perf_counter()
-            view = world.view(scene, i, told.progress, told.known)
+            view = world.view(scene, i, told.progress, told.known, told.driver)
             seen = predictions.seen_by(view) if told.predictions is None else told.predictions
             asked = time.perf_counter()
             try:

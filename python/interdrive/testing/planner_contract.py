@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.config.plugins import DEFAULT_PLANNER
+from interdrive.config.plugins import DEFAULT_PLANNER, Choice
 from interdrive.errors import InputError
 from interdrive.foreign import failure
 from interdrive.planners.contract import stated
@@ -42,11 +42,16 @@ _V2X: dict[str, tuple[list[int], dict[str, float | bool]]] = {
 }
 
 
+#: The world in which the driver of the planner under test has drawn something, and from what.
+_DRIVEN, _DRIVERS = "a driver of its own", "house"
+
+
 def _worlds() -> dict[str, Scenario]:
     road = straight_road(300.0, lanes=2)
     limits = (0, 200)
     return {
         "an empty road": world(road, problems=[problem(100, 20.0, goal=(150.0, 0.0), time_step=limits)]),
+        _DRIVEN: world(road, problems=[problem(100, 20.0, goal=(150.0, 0.0), time_step=limits)]),
         "a standing car ahead": world(
             road, cars=[Car(1, 110.0)], problems=[problem(100, 20.0, goal=(200.0, 0.0), time_step=limits)]
         ),
@@ -162,14 +167,17 @@ class _Watched:
 
 
 def _seen(view: View) -> np.ndarray:
-    return np.concatenate([np.ravel(a) for a in (view.x, view.y, view.orientation, view.velocity, view.ego.state)])
+    driver = list(view.ego.driver.values())
+    seen = (view.x, view.y, view.orientation, view.velocity, view.ego.state, driver)
+    return np.concatenate([np.ravel(a) for a in seen])
 
 
 def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -> dict[str, str]:
     """Drives a planner through small worlds and checks the contract at every step.
 
     Two of the worlds have V2X: in one the agent is told of a bar before which it has agreed to wait (id -1), in the
-    other of a car that it cannot see itself.
+    other of a car that it cannot see itself. In one world the agent draws a driver (`view.ego.driver`); in all others
+    it has none.
 
     The checks cover shape and finiteness of the trajectory, its start at the present state, jumps, the vehicle's limits
     of speed, acceleration and curvature, the same plan for the same view, an unchanged view, and the time per call. A
@@ -194,7 +202,8 @@ def check_planner(factory: Callable[[], Planner], *, seconds_max: float = 1.0) -
         findings: list[PlannerContractError] = []
         watched = partial(_Watched, factory, seconds_max, findings)
         others, settings = _V2X.get(name, ([], {}))
-        planners: dict[int, PlannerSpec] = {100: watched, **dict.fromkeys(others, DEFAULT_PLANNER)}
+        own: PlannerSpec = Choice(watched, {"drivers": _DRIVERS}) if name == _DRIVEN else watched
+        planners: dict[int, PlannerSpec] = {100: own, **dict.fromkeys(others, DEFAULT_PLANNER)}
         run = simulate(scenario, agents=[*others, 100], planner=planners, settings=settings, threads=1)
         if findings:
             raise PlannerContractError(f"{name}, {findings[0]}") from findings[0].__cause__

@@ -3,36 +3,16 @@
 use super::arrival;
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Deference, Ego};
-use super::driver_noise::Noise;
 use super::frame::Start;
 use super::path_motion::RETURN_TIME;
 use super::speed_profile::SpeedProfile;
+use super::wavering::{Noise, PlaceInLane};
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
-use crate::route::PathPiece;
 use crate::settings::{between, positive, settings};
 
 /// Least desired speed of an agent whose goal says nothing about where or how fast, or is over [m/s]: that of city
 /// traffic in Treiber and Kesting 2013, table 11.2. The present speed would not do: behind a leader it would fall for ever.
 const CRUISE_VELOCITY_MIN: f64 = 15.0;
-
-/// A driver reaches the place in its lane where it wants to be within this time [s], ...
-const KEEPING_TIME: f64 = 1.5;
-/// ... or on the way on which that place changes, if it changes with the way, but within this time [s], ...
-const KEEPING_TIME_MAX: f64 = 10.0;
-/// ... unless it is farther away than this [m], as in a lane change, ...
-const KEEPING_OFFSET: f64 = 1.0;
-/// ... and stays this far from the edges of its lane [m].
-const EDGE_GAP: f64 = 0.2;
-/// Where it entered is this near the start of its route [m].
-const ENTRY_NEAR: f64 = 20.0;
-/// The random part of its place is not that of its acceleration.
-const LATERAL_SEED: usize = 1 << 33;
-
-/// Time within which an offset from the wanted place is given up at a speed [m, m/s, s], of a driver who otherwise takes
-/// `usual` for it.
-pub(super) fn keeping_time(settings: &IdmSettings, offset: f64, velocity: f64, usual: f64) -> f64 {
-    if settings.keeps_place() && offset.abs() < KEEPING_OFFSET { settings.keeping_time(velocity) } else { usual }
-}
 
 settings! {
     /// Drives the reference path of its route with the Intelligent Driver Model.
@@ -43,7 +23,7 @@ settings! {
     /// acceleration is a (1 - (v / v0)^exponent - (s* / s)²), s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))). The
     /// desired speed v0 brings it to its goal in time, within speed limits and low enough for curves. See
     /// docs/reference/planners.md.
-    pub struct IdmSettings as Idm(law: CarFollowing) {
+    pub struct IdmSettings as Idm(law: CarFollowing, place: PlaceInLane) {
         /// Upper bound of the desired speed v0.
         desired_velocity_max: f64 ["m/s"] = f64::INFINITY, positive(f64::INFINITY);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
@@ -51,22 +31,6 @@ settings! {
         /// Share of the improved model (Treiber and Kesting 2013, section 11.3.7), in which who follows keeps its time gap
         /// at any speed below the desired one; in the plain one the gap grows as the speed nears it.
         improved: f64 = 0.0, between(0.0, 1.0);
-        /// Standard deviation of a random part of the acceleration: how much the driver wavers.
-        noise: f64 ["m/s²"] = 0.0, between(0.0, 5.0);
-        /// Time over which that part changes.
-        noise_length: f64 ["s"] = 1.5, positive(60.0);
-        /// Which random parts of acceleration and place in the lane these are.
-        noise_seed: usize = 0, between(0.0, 4_294_967_295.0);
-        /// Where in its lane it wants to be, to the left of the middle.
-        lateral_offset: f64 ["m"] = 0.0, between(-2.0, 2.0);
-        /// Share of its offset from the middle of the lane at the start that it keeps besides.
-        lateral_kept: f64 = 0.0, between(0.0, 1.0);
-        /// Standard deviation of a random part of that place.
-        lateral_noise: f64 ["m"] = 0.0, between(0.0, 1.0);
-        /// Time over which that part changes.
-        lateral_length: f64 ["s"] = 2.0, positive(60.0);
-        /// Way on which that part changes instead, however long it takes; 0: it changes with time.
-        lateral_way: f64 ["m"] = 0.0, between(0.0, 1000.0);
     }
 }
 
@@ -76,47 +40,6 @@ impl IdmSettings {
         let (velocity, _) =
             arrival::desired(request, (start.s, start.velocity), self.law.deceleration, CRUISE_VELOCITY_MIN, None);
         velocity.min(self.desired_velocity_max).min(request.vehicle.velocity_max)
-    }
-
-    /// Where beside the middle of a lane of a width [m] it wants to be at an arc length [m], to the left [m].
-    pub(super) fn aside(&self, request: &PlanRequest, s: f64, width: impl FnOnce() -> f64) -> f64 {
-        if !self.keeps_place() {
-            return 0.0;
-        }
-        let mut aside = self.lateral_offset;
-        if self.lateral_kept > 0.0 {
-            let entry = request.entry.pose();
-            let rear_axle = request.vehicle.rear_axle_from_center(entry);
-            let foot = request.route.path.project_near(rear_axle, request.route.start_s, ENTRY_NEAR);
-            aside += self.lateral_kept * foot.map_or(0.0, |foot| foot.1);
-        }
-        let seed = self.noise_seed.wrapping_add(LATERAL_SEED);
-        let (length, at) = if self.lateral_way > 0.0 {
-            let velocity = request.state.velocity.max(0.0);
-            (self.lateral_way, s + velocity * self.keeping_time(velocity))
-        } else {
-            (self.lateral_length, request.time_step as f64 * request.dt + KEEPING_TIME)
-        };
-        if let Some(noise) = Noise::new(self.lateral_noise, length, seed) {
-            aside += noise.value(at);
-        }
-        let room = (0.5 * (width() - request.vehicle.width) - EDGE_GAP).max(0.0);
-        aside.clamp(-room, room)
-    }
-
-    /// Within which it reaches that place [s].
-    fn keeping_time(&self, velocity: f64) -> f64 {
-        KEEPING_TIME.max((self.lateral_way / velocity.max(f64::MIN_POSITIVE)).min(KEEPING_TIME_MAX))
-    }
-
-    /// It wants to be elsewhere than in the middle of its lane.
-    fn keeps_place(&self) -> bool {
-        self.lateral_offset != 0.0 || self.lateral_kept > 0.0 || self.lateral_noise > 0.0
-    }
-
-    /// How its driver wavers.
-    pub(super) fn wavering(&self) -> Option<Noise> {
-        Noise::new(self.noise, self.noise_length, self.noise_seed)
     }
 }
 
@@ -135,13 +58,13 @@ pub(super) fn plan(request: &PlanRequest, settings: &IdmSettings, memory: &mut P
         let braking = if has_pace { profile.braking(s, velocity, law.deceleration) } else { f64::INFINITY };
         law.free(velocity, wish.min(profile.at(s))).min(braking)
     };
-    let aside = settings.aside(request, start.s, || width(request, start.s));
+    let aside = settings.place.aside_of_path(request, start.s);
     let following = Following {
         law,
         improved: settings.improved,
         lateral_acceleration: settings.lateral_acceleration,
-        noise: settings.wavering(),
-        place: (aside, keeping_time(settings, start.d - aside, start.velocity, RETURN_TIME)),
+        noise: settings.place.wavering.noise(),
+        place: (aside, settings.place.time_to_reach(start.d - aside, start.velocity, RETURN_TIME)),
     };
     follow_path(request, &following, start, (limit, free), memory)
 }
@@ -156,16 +79,6 @@ pub(super) struct Following<'a> {
     pub(super) noise: Option<Noise>,
     /// Where beside the path it wants to be, to the left [m], and when [s].
     pub(super) place: (f64, f64),
-}
-
-/// Width of the lane at an arc length of the route's path [m].
-fn width(request: &PlanRequest, s: f64) -> f64 {
-    let distance = |piece: &&PathPiece| if piece.has(s) { piece.distance(s) } else { f64::INFINITY };
-    let nearest = request.route.pieces.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    nearest.map_or(f64::INFINITY, |piece| {
-        let lanelet = &request.road.lanelets()[piece.lanelet];
-        lanelet.width_at((s - piece.start).clamp(0.0, lanelet.length))
-    })
 }
 
 /// The plan along the reference path: at most as fast as `limit` says for an arc length [m] and curves allow. `free` is

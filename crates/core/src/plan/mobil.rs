@@ -9,7 +9,7 @@
 use super::car_following::{CarFollowing, integrate, limited};
 use super::conflicts::{Conflicts, Deference, Ego};
 use super::frame::Start;
-use super::idm::{IdmSettings, keeping_time};
+use super::idm::IdmSettings;
 use super::lanes::{Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::path_motion::RETURN_TIME;
@@ -93,17 +93,17 @@ pub(super) fn plan(
         Ok(start) => start,
         Err(reason) => return refused(request, &format!("the agent {reason}")),
     };
-    let aside = settings.idm.aside(request, start.s, || lane.width(start.s, request.road));
+    let aside = settings.idm.place.aside(request, start.s, || lane.width(start.s, request.road));
     let time = time_left(request, settings, lane, &start);
     let n_points = request.predictions.n_steps + 1;
     let law = &settings.idm.law;
-    let place = (aside, keeping_time(&settings.idm, start.d - aside, start.velocity, time));
+    let place = (aside, settings.idm.place.time_to_reach(start.d - aside, start.velocity, time));
     let ego = Ego { target: place.0, ..Ego::new(request, &lane.path, (start.s, start.velocity, start.d), place.1) };
     let PlanningMemory { conflicts, speed_profile, motions, free, .. } = memory;
     conflicts.collect(request, &ego, n_points, request.barriers(&lane.way, start.s));
     let cornering = request.vehicle.cornering(settings.idm.lateral_acceleration);
     speed_profile.fill(&lane.path, (&lane.way.limits, 0.0), (start.s, ego.reach), cornering, law.deceleration);
-    let (need, noise) = (lane.need(start.s), settings.idm.wavering());
+    let (need, noise) = (lane.need(start.s), settings.idm.place.wavering.noise());
     let has_pace = request.goal.pace.is_some();
     let deference = Deference::full(law.minimum_gap);
     let drive = |conflicts: &Conflicts, point: usize, s: f64, velocity: f64| {
@@ -144,7 +144,7 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
         neighbours.is_free() && new.is_none_or(|(with, _)| with >= -settings.safe_deceleration)
     };
     let beside = lanes.beside(aim.lane, aim.s, request.road);
-    let aside = settings.idm.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    let aside = settings.idm.place.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
     if (aim.d - aside).abs() > SETTLED_OFFSET {
         // Under way. Back only while the agent is mostly in the lane that it leaves.
         let half = 0.5 * lanes.lanes[aim.lane].width(aim.s, request.road);
@@ -199,7 +199,7 @@ fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lan
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
     let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
-    let aside = settings.idm.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
+    let aside = settings.idm.place.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
     if !is_urgent || (aim.d - aside).abs() > SETTLED_OFFSET {
         return None;
     }

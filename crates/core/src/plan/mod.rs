@@ -4,9 +4,9 @@ mod conflicts;
 mod arrival;
 mod comfort;
 mod car_following;
-mod driver_noise;
 mod driven_point;
 mod driving_line;
+mod wavering;
 mod emergency_braking;
 mod frame;
 mod lane_change;
@@ -42,6 +42,7 @@ pub use pdm::PdmSettings;
 pub use prediction_index::PredictionIndex;
 pub use reference::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
 pub use velocity_adjusting::VelocityAdjustingSettings;
+pub use wavering::{PlaceInLane, Wavering};
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::conduct::STATIONARY_SPEED;
@@ -71,7 +72,7 @@ pub enum Planner {
     /// The recording, state by state.
     Recorded,
     /// The recorded path at the recorded speed, slower behind other participants.
-    VelocityAdjusting(CarFollowing),
+    VelocityAdjusting(VelocityAdjustingSettings),
     /// The reference path with the Intelligent Driver Model.
     Idm(IdmSettings),
     /// The same as fast as is lawful.
@@ -421,8 +422,8 @@ pub fn plan(
             found.unwrap_or_else(|| refused(request, "the agent is not beside its path"))
         }
         (Planner::Recorded, Prepared::RecordedPath(recorded_path)) => recorded::plan(request, recorded_path, memory),
-        (Planner::VelocityAdjusting(law), Prepared::RecordedPath(recorded_path)) => {
-            velocity_adjusting::plan(request, law, recorded_path, memory)
+        (Planner::VelocityAdjusting(settings), Prepared::RecordedPath(recorded_path)) => {
+            velocity_adjusting::plan(request, settings, recorded_path, memory)
         }
         (Planner::Idm(settings), _) => idm::plan(request, settings, memory),
         (Planner::Lawful(settings), _) => lawful::plan(request, settings, memory),

@@ -5,6 +5,7 @@ use super::conflicts::{Conflicts, Deference, Ego};
 use super::frame::Start;
 use super::path_motion::RETURN_TIME;
 use super::recorded_path::RecordedPath;
+use super::wavering::Wavering;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::barrier::Barriers;
 use crate::conduct::STANDSTILL_SPEED;
@@ -35,7 +36,7 @@ settings! {
     /// gap s and the leader's speed vl, the desired gap is s* = s0 + max(0, v T + v (v - vl) / (2 sqrt(a b))), and the
     /// acceleration is at most a (1 - (s* / s)²). It returns to the recorded speed v0 with a (1 - (v / v0)^exponent). See
     /// docs/reference/planners.md.
-    pub struct VelocityAdjustingSettings as VelocityAdjusting(law: CarFollowing) {}
+    pub struct VelocityAdjustingSettings as VelocityAdjusting(law: CarFollowing, wavering: Wavering) {}
 }
 
 /// Acceleration on a free path [m/s²].
@@ -82,10 +83,11 @@ fn undisturbed(
 /// The plan for a request.
 pub(super) fn plan(
     request: &PlanRequest,
-    law: &CarFollowing,
+    settings: &VelocityAdjustingSettings,
     recorded_path: &RecordedPath,
     memory: &mut PlanningMemory,
 ) -> PlanResult {
+    let (law, noise) = (&settings.law, settings.wavering.noise());
     let path = recorded_path.path();
     let hint = recorded_path.s_at(recorded_path.clock(request.time_step), request.dt);
     let near = path.project_near(request.vehicle.rear_axle_from_center(request.state.pose()), hint, 2.0).is_some();
@@ -112,7 +114,9 @@ pub(super) fn plan(
         let wish = undisturbed(recorded_path, law, now, (s, velocity), speed_profile.at(s), request.dt);
         let follow = |gap: f64, leader: f64, _: f64| law.following(velocity, gap, leader);
         let allowed = conflicts.allowed(point, &ego, (s, velocity), deference, follow);
-        limited(wish.min(allowed), velocity, request.vehicle)
+        let wanted = wish.min(allowed);
+        let time = (request.time_step + point as i64) as f64 * request.dt;
+        limited(noise.as_ref().map_or(wanted, |noise| noise.added(wanted, time, velocity)), velocity, request.vehicle)
     };
     let from = (start.s, start.velocity);
     integrate(from, n_points, request.dt, free, |point, s, velocity| drive(conflicts, point, s, velocity));

@@ -9,7 +9,9 @@ use interdrive_core::geometry::{Point, Pose};
 use interdrive_core::plan::external_plan::StatedPlan;
 use interdrive_core::plan::frenet::FrenetSettings;
 use interdrive_core::plan::rollout::RolloutSettings;
-use interdrive_core::plan::{CarFollowing, IdmMobilSettings, IdmSettings, LawfulSettings, Planner, ReferenceDriving};
+use interdrive_core::plan::{
+    CarFollowing, IdmMobilSettings, IdmSettings, LawfulSettings, Planner, ReferenceDriving, VelocityAdjustingSettings,
+};
 use interdrive_core::predict::neural::{Network, Neural};
 use interdrive_core::predict::{LaneFollowing, Predictor, Spread};
 use interdrive_core::reference_drivers::Driver;
@@ -87,7 +89,7 @@ fn planner(source: &mut Source, is_recorded: bool) -> Planner {
         0 | 1 => Planner::Rollout(Box::new(rollout(source))),
         2 => Planner::Frenet(Box::new(frenet(source))),
         3 => Planner::Recorded,
-        4 => Planner::VelocityAdjusting(law(source)),
+        4 => Planner::VelocityAdjusting(VelocityAdjustingSettings { law: law(source), ..Default::default() }),
         5 => Planner::Idm(idm(source)),
         6 => Planner::IdmMobil(Box::new(IdmMobilSettings { idm: idm(source), ..IdmMobilSettings::default() })),
         7 => Planner::Lawful(LawfulSettings { law: law(source), ..LawfulSettings::default() }),

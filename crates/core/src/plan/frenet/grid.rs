@@ -96,7 +96,7 @@ impl SampleGrid {
         self.path.clear();
         self.furthest.clear();
         self.furthest.resize(self.stride, start.s);
-        self.lateral.clear(self.n_points, self.stride);
+        self.lateral.clear((self.n_points, self.stride), targets.offset);
         self.start = [start.s, start.d, start.d_prime, start.d_prime2];
         self.is_free = start.steers_freely();
         self.arc_min = arc_min(inputs);
@@ -104,6 +104,7 @@ impl SampleGrid {
         end_times(settings, &mut self.end_times);
         end_offsets(settings, start.d, &mut self.end_offsets);
         insert(&mut self.end_offsets, 0.0);
+        insert(&mut self.end_offsets, targets.offset);
         end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
         // No sample accelerates beyond the limit, not even to get out of another one's way.
         let most = targets.limit.max(targets.velocity).max(start.s_dot);
@@ -395,7 +396,11 @@ fn arc_min(inputs: &Inputs) -> f64 {
         return ARC_MIN;
     }
     let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
-    turning_length([start.d, start.d_prime, start.d_prime2], limits.curvature_rate() / velocity, ARC_MIN)
+    turning_length(
+        [start.d - targets.offset, start.d_prime, start.d_prime2],
+        limits.curvature_rate() / velocity,
+        ARC_MIN,
+    )
 }
 
 /// Room for `n` more numbers.

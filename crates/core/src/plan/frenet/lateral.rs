@@ -17,10 +17,12 @@ pub(super) struct LateralTables {
     points: Vec<f64>,
     /// Root of the integral of the squared lateral jerk over the horizon; (tables, end offsets).
     pub(super) jerk: Vec<f64>,
-    /// Root of the summed squares of the last half of the offsets; (tables, end offsets).
+    /// Root of the summed squares of the last half of the offsets from where the agent wants to be; (tables, end offsets).
     pub(super) offset: Vec<f64>,
     stride: usize,
     n_points: usize,
+    /// Offset where the agent wants to be [m].
+    desired: f64,
     /// Third derivatives of home and step by time.
     rates: [Vec<f64>; 2],
 }
@@ -59,12 +61,12 @@ pub(super) struct LongitudinalMotion<'a> {
 }
 
 impl LateralTables {
-    /// Begins anew, for plans of `n_points` points in tables of `stride`.
-    pub(super) fn clear(&mut self, n_points: usize, stride: usize) {
+    /// Begins anew, for plans of so many points in tables of `stride`, of an agent that wants to be at an offset [m].
+    pub(super) fn clear(&mut self, (n_points, stride): (usize, usize), desired: f64) {
         self.points.clear();
         self.jerk.clear();
         self.offset.clear();
-        (self.n_points, self.stride) = (n_points, stride);
+        (self.n_points, self.stride, self.desired) = (n_points, stride, desired);
         for rates in &mut self.rates {
             rates.clear();
             rates.resize(stride, 0.0);
@@ -158,6 +160,7 @@ impl LateralTables {
         // Sums of (home + end_offset step - desired offset)².
         let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
         for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
+            let home = home - self.desired;
             constant += home * home;
             linear += 2.0 * home * step;
             square += step * step;

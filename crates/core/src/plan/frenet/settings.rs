@@ -1,6 +1,7 @@
 //! Settings of the planner.
 
 use super::super::comfort::FrenetComfort;
+use super::super::wavering::PlaceInLane;
 use crate::error::{Error, Result};
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
@@ -9,7 +10,8 @@ settings! {
     pub struct CostWeights as FrenetWeights [N_TERMS] {
         /// Root of the summed squares of speed minus desired speed over all points [m/s].
         velocity_offset: f64 = 1.0, NOT_NEGATIVE;
-        /// Root of the summed squares of the lateral offset over the last half of the points [m].
+        /// Root of the summed squares of the lateral offset, from where the agent wants to be in its lane, over the last half of
+        /// the points [m].
         distance_to_reference: f64 = 5.0, NOT_NEGATIVE;
         /// Root of the integral of the squared lateral jerk over the horizon [m/s^2.5].
         lateral_jerk: f64 = 0.2, NOT_NEGATIVE;
@@ -41,7 +43,7 @@ settings! {
     ///
     /// Werling et al., ICRA 2010, doi 10.1109/ROBOT.2010.5509799; Trauth, Moller, Wuersching, Betz, "FRENETIX", IEEE
     /// Access 2024, doi 10.1109/ACCESS.2024.3436835; in a corrected form, see docs/reference/planner_frenet.md.
-    pub struct FrenetSettings as Frenet {
+    pub struct FrenetSettings as Frenet(place: PlaceInLane) {
         /// Sampling density: 48, 180, 800, 3564 or 12716 samples in the grid.
         level: usize = 2, between(0.0, 4.0);
         /// Length of a plan.

@@ -38,6 +38,8 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Targets {
     /// Speed [m/s].
     pub(super) velocity: f64,
+    /// Place beside the path, to the left [m].
+    pub(super) offset: f64,
     /// Speed limit here or where the agent will soon be, whichever is higher [m/s].
     pub(super) limit: f64,
     /// Arc lengths of the rear axle [m] at which it may want to stop: behind the leader, before the goal's end, before a
@@ -93,7 +95,8 @@ impl Targets {
             comfort,
             elsewhere.min((limit - (EXCESS_SHARE * excess).min(BELOW_MAX)).max(0.0)),
         );
-        let velocity = velocity.max(start.velocity - step).max(0.0);
+        let velocity = settings.place.wavering.desired(velocity.max(start.velocity - step).max(0.0), request);
+        let offset = settings.place.aside_of_path(request, start.s);
         let leader_stop = standing - comfort.standstill_gap - (front - start.s);
         // Stops further away than three comfortable braking distances are left to the desired speed.
         let reach = 20.0 + 1.5 * start.velocity.powi(2) / comfort.deceleration;
@@ -104,7 +107,7 @@ impl Targets {
         let mut axle_barriers = Barriers::NONE;
         axle_barriers.extend(all_barriers.iter().map(|one| Barrier { s: for_axle(one.s), ..*one }));
         let stops = [Some(leader_stop).filter(near), goal_stop.filter(near), Some(line_stop).filter(near)];
-        Self { velocity, limit, stops, barriers: axle_barriers }
+        Self { velocity, offset, limit, stops, barriers: axle_barriers }
     }
 }
 
