@@ -14,6 +14,7 @@ from interdrive import InputError
 from interdrive.scenario import STATE_FIELDS
 from interdrive.testing import Car, straight_road, world
 from interdrive.traffic_realism import rollouts
+from interdrive.traffic_realism.figure import floor_band
 from interdrive.traffic_realism.folder import save_realism
 from interdrive.traffic_realism.jobs import planning_from, rollout_settings
 from interdrive.traffic_realism.windows import Recording, place_of, read_recordings, windows_of
@@ -83,6 +84,36 @@ def test_the_folder_has_tables_a_figure_a_page_and_rows_as_typed(found, tmp_path
     assert len(scores) == 4 * 28 * 4
     assert {name.name for name in folder.iterdir()} >= {"distributions.pdf", "realism.html", "table.csv"}
     assert "data:image/png" in (folder / "realism.html").read_text()
+
+
+def test_lag_gaps_stand_beside_their_number(found, tmp_path):
+    row = json.loads((save_realism(found, tmp_path / "out") / "realism.json").read_text())["rows"][1]
+    assert {"lag_gap", "lag_gaps"} <= set(row)
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert "| changes | lag gap [m] | of |" in table
+
+
+def test_the_floor_of_the_figure_is_wide_where_windows_differ():
+    edges = np.linspace(0.0, 4.0, 5)
+    low, high = floor_band([np.full(10, 0.5)] * 3 + [np.full(10, 1.5)] * 3, edges)
+    assert (low[0], high[0]) == (0.0, 1.0)
+    assert (low[2], high[2]) == (0.0, 0.0), "nothing is there"
+    low, high = floor_band([np.array([0.5, 1.5])] * 6, edges)
+    assert low == pytest.approx([0.5, 0.5, 0.0, 0.0])
+    assert high == pytest.approx(low)
+    assert floor_band([np.ones(3)], edges) is None
+
+
+def test_vehicles_plan_every_eight_seconds_but_in_windows_of_ngsim_once(recording, tmp_path):
+    text = recording.read_text()
+    source = re.search(r'source="[^"]*"', text)[0]
+    (tmp_path / recording.name).write_text(text.replace(source, 'source="Next Generation Simulation (NGSIM)"'))
+    times = {}
+    for name, file in (("own", recording), ("ngsim", tmp_path / recording.name)):
+        recordings, _ = read_recordings([file], raw=False, any_traffic=False)
+        times[name] = [window.time for window in windows_of(recordings, horizon=8.0)]
+    assert times == {"own": [1.0, 9.0], "ngsim": [1.0]}
+    assert [window.time for window in windows_of(recordings, horizon=8.0, starts=[1.0, 5.0])] == [1.0, 5.0]
 
 
 def test_what_is_not_simulated_has_no_collisions_rather_than_none(found):

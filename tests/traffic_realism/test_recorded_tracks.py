@@ -49,6 +49,19 @@ def test_a_lane_change_counts_once_and_offsets_go_on_across_it():
     assert found.offset[0, -1] == pytest.approx(0.0)
 
 
+def test_the_lag_gap_at_a_lane_change_is_that_of_the_vehicle_behind_in_the_new_lane():
+    road = core_road(world(straight_road(400.0, 2)), RoadSettings())
+    x = 100.0 + 10.0 * GRID * np.arange(N)
+    changing = (x, np.linspace(0.0, 3.5, N), 0.0, 10.0)
+    # Behind it in the old lane by 10 m, in the new one by 20 and 60 m; one is ahead there.
+    others = [(x - 10.0, 0.0, 0.0, 10.0), *((x + d, 3.5, 0.0, 10.0) for d in (-20.0, -60.0, 15.0))]
+    found = kinematics(_tracks(changing, *others), np.array([1]), road)
+    assert found.lag[0, found.changes[0]] == pytest.approx(20.0 - 4.5)
+    assert np.isnan(found.lag[0, ~found.changes[0]]).all()
+    alone = kinematics(_tracks(changing, others[0]), np.array([1]), road)
+    assert np.isnan(alone.lag).all()
+
+
 def test_acceleration_and_jerk_follow_the_way():
     road = core_road(world(straight_road(400.0, 1)), RoadSettings())
     time = GRID * np.arange(N)

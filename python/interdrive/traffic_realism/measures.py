@@ -59,6 +59,7 @@ class WindowMeasures:
         distance: Distance of the first rollout's positions [m], shape (horizons, n).
         samples: Values of `QUANTITIES` at points where the recording goes on.
         lane_changes: At these points.
+        lag_gaps: At lane changes the gap of whoever is behind in the new lane [m], of those that have somebody behind.
         way: Length of all steps to these points [m].
         standing: Number of these points at which a vehicle stands.
         points: Number of these points.
@@ -78,6 +79,7 @@ class WindowMeasures:
     distance: Floats
     samples: Mapping[str, Floats]
     lane_changes: int
+    lag_gaps: Floats
     way: float
     standing: int
     points: int
@@ -137,6 +139,7 @@ def measured(window: Window, truth: Rollouts, found: Rollouts, road: _core.RoadN
         distance=distance,
         samples=samples,
         lane_changes=int((own.changes[:, points] & compared).sum()),
+        lag_gaps=own.lag[:, points][compared & np.isfinite(own.lag[:, points])],
         way=float(np.nansum(np.where(compared, own.way[:, points], 0.0))),
         standing=standing,
         points=int(compared.sum()),

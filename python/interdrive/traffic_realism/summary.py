@@ -60,6 +60,8 @@ class Row:
         wasserstein: Distance of distributions from the recording's by quantity, in its unit.
         auc: How well a classifier tells the row from the recording, by set of features.
         lane_changes: Per kilometre.
+        lag_gap: Median gap to whoever is behind in the new lane, at lane changes [m].
+        lag_gaps: Number of lane changes with somebody behind; below 100 they decide nothing.
         standing: Share of points at which a vehicle stands.
         braked: Judged vehicles of 100 that braked harder than 4 m/s² in the first 3 s.
         collisions: Vehicles of 100 that hit another participant.
@@ -84,6 +86,8 @@ class Row:
     wasserstein: Mapping[str, float]
     auc: Mapping[str, float]
     lane_changes: float
+    lag_gap: float
+    lag_gaps: int
     standing: float
     braked: float
     collisions: float
@@ -141,6 +145,7 @@ def row_of(
     agents, judged = sum(part.n_agents for part in parts), sum(len(part.judged) * part.rollouts for part in parts)
     long_agents = sum(part.n_agents for part in long)
     points, way = sum(part.points for part in parts), sum(part.way for part in parts)
+    lags = np.concatenate([part.lag_gaps for part in parts]) if parts else np.empty(0)
     outside = sum(part.not_admitted for part in parts) + sum(part.not_admitted for part in long)
     return Row(
         planner=planner,
@@ -158,6 +163,8 @@ def row_of(
         wasserstein={name: wasserstein(_samples(parts, name), _samples(recorded, name)) for name in QUANTITIES},
         auc=_aucs(parts, recorded, seed),
         lane_changes=1000.0 * sum(part.lane_changes for part in parts) / way if way > 0.0 else float("nan"),
+        lag_gap=float(np.median(lags)) if lags.size else float("nan"),
+        lag_gaps=len(lags),
         standing=sum(part.standing for part in parts) / points if points else float("nan"),
         braked=_per_100(sum(part.braked for part in parts), judged if agents else 0),
         collisions=_per_100(sum(part.collisions for part in parts), agents),
@@ -175,8 +182,7 @@ def floor_of(place: str, recorded: Sequence[WindowMeasures], *, seed: int) -> Fl
     """Compares the recording with itself, half of its windows with the other half."""
     if len(recorded) < 2:
         return Floor(place)
-    random = np.random.default_rng(seed)
-    halves = [random.permutation(len(recorded)) < len(recorded) // 2 for _ in range(_SPLITS)]
+    splits = halves(len(recorded), seed)
     distances = {}
     for name in QUANTITIES:
         found = [
@@ -186,12 +192,12 @@ def floor_of(place: str, recorded: Sequence[WindowMeasures], *, seed: int) -> Fl
                     for side in (True, False)
                 )
             )
-            for half in halves
+            for half in splits
         ]
         median, high = np.nanpercentile(found, (50.0, 90.0)).tolist() if np.isfinite(found).any() else (np.nan, np.nan)
         distances[name] = (median, high)
     snippets, groups = _snippets(recorded, [part.is_snippet for part in recorded])
-    labels = halves[0][groups]
+    labels = splits[0][groups]
     return Floor(
         place,
         distances,
@@ -200,6 +206,17 @@ def floor_of(place: str, recorded: Sequence[WindowMeasures], *, seed: int) -> Fl
             for name, columns in FEATURE_SETS.items()
         },
     )
+
+
+def halves(windows: int, seed: int) -> list[Bools]:
+    """Random halves of windows: which of them are in the first one.
+
+    Args:
+        windows: Their number.
+        seed: Of the draws.
+    """
+    random = np.random.default_rng(seed)
+    return [random.permutation(windows) < windows // 2 for _ in range(_SPLITS)]
 
 
 def _mean(values: Floats) -> float:

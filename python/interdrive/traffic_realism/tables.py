@@ -82,19 +82,30 @@ def sheets(found: Realism) -> Iterator[Sheet]:
         ),
     )
     yield Sheet(
-        "Distributions: Wasserstein distance from the recording, and lane changes per km",
-        ("place", "planner", *(f"{name.replace('_', ' ')} [{unit}]" for name, unit in QUANTITIES.items()), "changes"),
+        "Distributions: Wasserstein distance from the recording; lane changes per km, and the lag gap at them",
+        (
+            *("place", "planner", *(f"{name.replace('_', ' ')} [{unit}]" for name, unit in QUANTITIES.items())),
+            *("changes", "lag gap [m]", "of"),
+        ),
         (
             *(
-                (*_named(row), *(_text(row.wasserstein[name], 3) for name in QUANTITIES), _text(row.lane_changes))
+                (
+                    *(*_named(row), *(_text(row.wasserstein[name], 3) for name in QUANTITIES)),
+                    *(_text(row.lane_changes), _text(row.lag_gap, 1), str(row.lag_gaps)),
+                )
                 for row in found.rows
             ),
             *(
-                (place, "floor, 90 %", *(_text(floor.wasserstein.get(n, (None, None))[1], 3) for n in QUANTITIES), "")
+                (
+                    *(place, "floor, 90 %"),
+                    *(_text(floor.wasserstein.get(n, (None, None))[1], 3) for n in QUANTITIES),
+                    *("", "", ""),
+                )
                 for place, floor in floors.items()
             ),
         ),
-        "Halves of the recording are farther apart than the floor in one of ten splits.",
+        "Halves of the recording are farther apart than the floor in one of ten splits. The lag gap is the median gap "
+        "behind vehicles that change lanes; of fewer than 100 it decides nothing.",
     )
 
 

@@ -86,6 +86,8 @@ class Kinematics:
         offset: From the middle of the lane, to the left [m].
         lateral_speed: [m/s].
         changes: Whether the lane changes at this point.
+        lag: Where it does, the gap to the rear of the vehicle, from the front of the one behind it in its new lane [m];
+            nan elsewhere, and if there is none.
         way: Length of the step to this point [m].
     """
 
@@ -99,6 +101,7 @@ class Kinematics:
     offset: Floats
     lateral_speed: Floats
     changes: Bools
+    lag: Floats
     way: Floats
 
 
@@ -134,6 +137,7 @@ def kinematics(tracks: Tracks, ids: Ints, road: _core.RoadNetwork) -> Kinematics
         offset=offset,
         lateral_speed=smooth(straight, GRID, 7, 2, 1),
         changes=changes,
+        lag=_lag_gaps(tracks, rows, offset, changes),
         way=np.concatenate((np.full((len(rows), 1), np.nan), way), axis=1),
     )
 
@@ -172,6 +176,27 @@ def leaders(tracks: Tracks, rows: Ints) -> tuple[Floats, Floats]:
         gap[found, point] = distance[np.arange(len(rows)), nearest][found]
         closing[found, point] = (speed[rows] - speed[nearest])[found]
     return gap, closing
+
+
+def _lag_gaps(tracks: Tracks, rows: Ints, offset: Floats, changes: Bools) -> Floats:
+    """Gaps behind vehicles that change lanes [m]: of whoever follows them as if they were in its middle."""
+    found = np.full(changes.shape, np.nan)
+    for vehicle, point in zip(*np.nonzero(changes), strict=True):
+        x, y, heading, _ = tracks.stacked(np.arange(len(tracks.ids)))[:, :, point]
+        row = rows[vehicle]
+        turn = heading - heading[row]
+        turn = np.arctan2(np.sin(turn), np.cos(turn))
+        dx, dy = x - x[row], y - y[row]
+        along = dx * np.cos(heading[row]) + dy * np.sin(heading[row])
+        across = dy * np.cos(heading[row]) - dx * np.sin(heading[row])
+        with np.errstate(invalid="ignore"):
+            beside = across + offset[vehicle, point] - 0.5 * along * turn
+            follows = np.abs(beside) < _LEADER_WIDTHS * (tracks.width + tracks.width[row])
+            follows &= (np.abs(turn) < _LEADER_ANGLE) & (along < 0.0) & (np.hypot(dx, dy) < _LEADER_DISTANCE)
+        if follows.any():
+            gaps = -along - 0.5 * (tracks.length + tracks.length[row])
+            found[vehicle, point] = gaps[follows].min()
+    return found
 
 
 def _offsets(x: Floats, y: Floats, heading: Floats, road: _core.RoadNetwork) -> tuple[Floats, Floats, Bools]:

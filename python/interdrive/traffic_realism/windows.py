@@ -50,12 +50,15 @@ class Recording:
         scenario: What was recorded, joined from all of its windows.
         files: Where it is from.
         known_before: Whether an earlier recording shows the same vehicle at that time step, shape (obstacles, steps).
+        has_one_start: It is one of many windows of seconds that overlap, as those of NGSIM, and vehicles begin to plan
+            in it once.
     """
 
     place: str
     scenario: Scenario
     files: tuple[Path, ...]
     known_before: Bools | None = None
+    has_one_start: bool = False
 
     @property
     def stride(self) -> int:
@@ -143,9 +146,10 @@ def read_recordings(
             continue
         groups[re.sub(r"[_-]?\d*_T-\d+$", "", scenario.name)].append(scenario)
     found = [
-        Recording(place_of(name), whole, tuple(one.path for one in parts if one.path is not None))
+        Recording(place_of(name), whole, files, has_one_start=all(_NGSIM.search(_head(file)) for file in files))
         for name, windows in sorted(groups.items())
         for parts, whole in _wholes(windows, raw=raw)
+        for files in [tuple(one.path for one in parts if one.path is not None)]
     ]
     known: dict[str, KnownTracks] = defaultdict(KnownTracks)
     found = [
@@ -181,10 +185,15 @@ def files_of(sources: Sequence[str | Path]) -> Iterable[tuple[Path, bool]]:
 
 def _not_recorded(path: Path) -> str:
     """Why the traffic of a file was not recorded; empty if it may have been."""
-    head = path.read_bytes()[:20_000].decode("utf-8", "replace")
+    head = _head(path)
     said = " ".join([*re.findall(r'source="([^"]*)"', head), *re.findall(r"<scenarioTags>(.*?)</scenarioTags>", head)])
     word = _NOT_RECORDED.search(_NGSIM.sub("", said)) or _NOWHERE.search(head)
     return f"its traffic was not recorded ({word[0]})" if word else ""
+
+
+def _head(path: Path) -> str:
+    """The beginning of a file, with what it says of itself."""
+    return path.read_bytes()[:20_000].decode("utf-8", "replace")
 
 
 def _wholes(windows: Sequence[Scenario], *, raw: bool) -> list[tuple[Sequence[Scenario], Scenario]]:
@@ -208,7 +217,8 @@ def windows_of(
     Args:
         recordings: What was recorded.
         horizon: Of the rollouts [s].
-        starts: Times of the starts in each recording [s]; empty: every 8 s, on busy roads every 16 s, from 1 s on.
+        starts: Times of the starts in each recording [s]; empty: every 8 s, on busy roads every 16 s, from 1 s on, and
+            in windows of NGSIM at 1 s alone.
         is_long: Four starts per recording instead, none where a recording is too short.
     """
     found: list[Window] = []
@@ -235,7 +245,7 @@ def _starts(recording: Recording, horizon: float, *, is_long: bool) -> list[floa
         return [_on_grid(first + _FIRST + (i + 0.5) * span / count - 0.5 * horizon, dt) for i in range(count)]
     every = _EVERY_BUSY if present.max(initial=0) > _BUSY else _EVERY
     times = np.arange(first + _FIRST, last - _KNOWN_MIN, every)
-    return [_on_grid(float(time), dt) for time in times]
+    return [_on_grid(float(time), dt) for time in (times[:1] if recording.has_one_start else times)]
 
 
 def _on_grid(time: float, dt: float) -> float:
