@@ -5,6 +5,7 @@ import tomllib
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 import interdrive as idr
@@ -161,6 +162,32 @@ def test_the_fit_is_better_than_the_usual_drivers_and_says_where_it_is_from(foun
     assert file.provenance["licence"] == 'free "to use"'
     assert file.provenance["recordings"]["DEU_Motorway"].startswith("1 files, sha256 ")
     assert file.provenance["held_out"] == ["DEU_Bypass"]
+
+
+def test_what_was_tried_is_a_table_with_units(found):
+    table = pq.read_table(found.file.parent / "evaluations.parquet")
+    rows = table.to_pylist()
+    log = [json.loads(line) for line in (found.file.parent / "evaluations.jsonl").read_text().splitlines()]
+    assert [row["objective"] for row in rows] == [line["objective"] for line in log]
+    assert {name: rows[-1][name] for name in values_at(np.zeros(len(VARIABLES)))} == values_at(np.array(log[-1]["z"]))
+    assert rows[0]["part_places"] == log[0]["parts"]["places"]
+    assert rows[0]["part_collisions"] is None, "stage A has none"
+    assert {row["stage"] for row in rows} == {"A", "B"}
+    assert table.schema.field("noise").metadata[b"unit"] == "m/s²".encode()
+    parts = {name for line in log for name in line["parts"]}
+    assert {f"part_{name}" for name in parts} <= set(table.schema.names)
+
+
+def test_the_drivers_can_be_a_file_of_their_own(files, found, tmp_path):
+    options = {"hold_out": ["DEU_Bypass"], "licence": 'free "to use"', **QUICK}
+    again = idr.calibrate(files, "idm", out=tmp_path / "mine.toml", **options)
+    assert again.file == tmp_path / "mine.toml"
+    assert again.file.read_bytes() == found.file.read_bytes()
+    assert {one.name for one in (tmp_path / "mine").iterdir()} == {
+        "calibration.json",
+        "evaluations.jsonl",
+        "evaluations.parquet",
+    }
 
 
 def test_it_is_called_realistic_on_no_place_that_it_was_fitted_on(found):

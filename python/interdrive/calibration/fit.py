@@ -42,7 +42,7 @@ _VEHICLES_MIN = 10
 #: Short windows [s].
 _HORIZON = 8.0
 #: The population that a calibration writes, and where those are that leave a place out.
-_FILE, _FOLDS = "drivers.toml", "folds"
+_FILE, _FOLDS, _TOML = "drivers.toml", "folds", ".toml"
 #: Planners whose drivers are fitted.
 _FITTED = ("idm", "idm_mobil")
 
@@ -97,7 +97,8 @@ def calibrate(
     Args:
         files: CommonRoad files with recorded traffic, and folders of them; windows of one recording are joined.
         planner: Whose drivers they are: idm or idm_mobil.
-        out: Folder of the calibration, with drivers.toml at the end.
+        out: Folder of the calibration, with drivers.toml at the end; or a file FILE.toml for the drivers, with a folder
+            FILE for the rest beside it.
         hold_out: Names of places that only check the result, such as DEU_MONAMerge.
         split: TOML file with lists `fit`, `choose` and `test` of places, windows of a place in the order of time
             (DEU_MONAEast:1-20), files and folders: those to fit, those that choose among the best populations, and
@@ -137,20 +138,28 @@ def calibrate(
     asked = _Asked(
         planner, stage, evaluations, drives, long, rollouts, seed, given, raw, any_traffic, licence, workers, on_step
     )
+    folder, file = _folder_and_file(Path(out))
     if folds is None:
-        return _calibrated(parts, asked, Path(out))
-    return _in_folds(parts, asked, Path(out))
+        return _calibrated(parts, asked, folder, file)
+    return _in_folds(parts, asked, folder, file)
 
 
-def _in_folds(parts: Parts, asked: _Asked, out: Path) -> Calibration:
+def _folder_and_file(out: Path) -> tuple[Path, Path]:
+    """Where a calibration keeps what it has tried, and where it writes the drivers."""
+    return (out.with_suffix(""), out) if out.suffix == _TOML else (out, out / _FILE)
+
+
+def _in_folds(parts: Parts, asked: _Asked, out: Path, file: Path) -> Calibration:
     """The calibration on all places, and one without each of them."""
     places = list(dict.fromkeys(one.place for one in parts.fit))
     fitted = [place for place, _ in _with_enough(windows_of(parts.fit, horizon=_HORIZON))]
     if len(fitted) == 1:
         which = f"place with {_VEHICLES_MIN} vehicles" if len(places) > 1 else "place"
         raise InputError(f"folds: {fitted[0]} is the only {which}; leaving it out leaves none to fit")
-    whole = _calibrated(parts, asked, out, is_folded=True)
-    found = {place: _calibrated(parts.without(place), asked, out / _FOLDS / place) for place in places}
+    whole = _calibrated(parts, asked, out, file, is_folded=True)
+    found = {
+        place: _calibrated(parts.without(place), asked, *_folder_and_file(out / _FOLDS / place)) for place in places
+    }
     held_out: dict[str, Json] = {
         "folds": {place: str(one.verdicts[place]) for place, one in found.items()},
         "folds_energy_5": {place: one.provenance["held_out_energy_5"] for place, one in found.items()},
@@ -160,7 +169,7 @@ def _in_folds(parts: Parts, asked: _Asked, out: Path) -> Calibration:
     return replace(whole, folds=found, provenance=provenance)
 
 
-def _calibrated(parts: Parts, asked: _Asked, out: Path, *, is_folded: bool = False) -> Calibration:
+def _calibrated(parts: Parts, asked: _Asked, out: Path, file: Path, *, is_folded: bool = False) -> Calibration:
     windows = windows_of(parts.fit, horizon=_HORIZON)
     followings = list(_followings(windows, asked))
     if not followings:
@@ -223,7 +232,7 @@ def _calibrated(parts: Parts, asked: _Asked, out: Path, *, is_folded: bool = Fal
         "held_out_energy_5": _energies(measured, label),
         "verdicts": {place: str(one) for place, one in verdicts.items()},
     }
-    file = out / _FILE
+    fit.log.write_table()
     if not is_folded:  # with folds it is written when all are known
         _write(file, drivers, asked.planner, provenance)
     return Calibration(

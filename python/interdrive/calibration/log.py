@@ -1,13 +1,17 @@
-"""The folder of a calibration: what was asked for, and a line per evaluated population, so that it can go on."""
+"""The folder of a calibration: what was asked for, a line per evaluated population, from which it goes on, a table."""
 
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from interdrive.calibration.variables import VARIABLES, values_at
 from interdrive.errors import InputError, ResultsError
-from interdrive.storage import replacing
+from interdrive.storage import Column, Origin, arrow_table, labels, replacing, write_table
 from interdrive.storage.reading import read_json
 from interdrive.storage.writing import json_text
 
@@ -16,7 +20,28 @@ if TYPE_CHECKING:
 
     from interdrive.array_types import Floats
 
-_FILE, _LOG = "calibration.json", "evaluations.jsonl"
+_FILE, _LOG, _TABLE = "calibration.json", "evaluations.jsonl", "evaluations.parquet"
+
+#: What an objective consists of.
+PARTS = {
+    "places": "behind recorded leaders: all that stage A counts",
+    "scores": "errors of positions and speeds over those of constant velocity",
+    "acceleration": "distance of the distribution of accelerations over the recorded spread",
+    "headway": "the same of headways",
+    "jerk": "the same of jerks",
+    "collisions": "vehicles that collide in long drives",
+    "persistence": "difference from the recorded persistence of headways",
+    "spread": "difference from the recorded spread of headways",
+    "prior": "distance from the usual numbers",
+}
+#: Columns of evaluations.parquet.
+EVALUATION_COLUMNS = (
+    Column("index", "integer", "number of the evaluation"),
+    Column("stage", "label", "A, B, or choice: of the best populations on other recordings"),
+    Column("objective", "number", "sum of what it consists of; less is better", "1"),
+    *(Column(f"part_{name}", "number", text, "1", null="does not count there") for name, text in PARTS.items()),
+    *(Column(one.name, "number", "number of the population", one.unit) for one in VARIABLES),
+)
 
 
 class Log:
@@ -34,7 +59,7 @@ class Log:
             ResultsError: It is damaged or cannot be written.
         """
         self.folder, self._path, self._next = Path(folder), Path(folder) / _LOG, 0
-        plain = json.loads(json_text(dict(what)))
+        self._what = plain = json.loads(json_text(dict(what)))
         try:
             self._open(plain)
         except OSError as cause:
@@ -77,6 +102,20 @@ class Log:
             with replacing(self._path) as part:
                 part.write_text("".join(whole), encoding="utf-8")
         return rows
+
+    def write_table(self) -> None:
+        """Writes evaluations.parquet: what the log has, with the numbers of each population."""
+        values = [values_at(np.array(row["z"])) for row in self.rows]
+        columns: dict[str, Any] = {
+            "index": [row["index"] for row in self.rows],
+            "stage": labels([row["stage"] for row in self.rows]),
+            "objective": np.array([row["objective"] for row in self.rows]),
+            **{f"part_{name}": np.array([row["parts"].get(name, math.nan) for row in self.rows]) for name in PARTS},
+            **{one.name: np.array([own[one.name] for own in values]) for one in VARIABLES},
+        }
+        origin = Origin({"calibration": self._what}, {})
+        with replacing(self.folder / _TABLE) as part:
+            write_table(arrow_table(EVALUATION_COLUMNS, columns), part, origin)
 
     def objective(self, stage: str, z: Floats, parts: Callable[[], Mapping[str, float]]) -> float:
         """The sum of what a point costs, from the log if it is the next one there.

@@ -35,6 +35,7 @@ class Variable:
 
     Attributes:
         name: Parameter and part, such as time_gap.median.
+        unit: Of its values; 1: it has none.
         prior: Usual value; without evidence it stays there.
         low: Smallest value.
         high: Largest value.
@@ -43,6 +44,7 @@ class Variable:
     """
 
     name: str
+    unit: str
     prior: float
     low: float
     high: float
@@ -62,16 +64,16 @@ class Variable:
 
 
 VARIABLES = (
-    Variable("time_gap.median", 1.0, *PARAMETERS["time_gap"], is_log=True, in_worlds=True),
-    Variable("time_gap.sd", USUAL_SPREAD, 0.0, 0.8, in_worlds=True),
-    Variable("minimum_gap.median", 2.0, *PARAMETERS["minimum_gap"], is_log=True),
-    Variable("acceleration.median", 1.0, *PARAMETERS["acceleration"], is_log=True, in_worlds=True),
-    Variable("desired_factor.median", 1.0, *PARAMETERS["desired_factor"], is_log=True, in_worlds=True),
-    Variable("desired_factor.sd", 0.1, 0.0, 0.3),
-    Variable("free_weight.median", 1.0, *PARAMETERS["free_weight"]),
-    Variable("noise", 0.2, 0.0, 1.0, in_worlds=True),
-    Variable("noise_length", 1.5, 0.5, 5.0, is_log=True, in_worlds=True),
-    Variable("time_gap_kept", 0.0, 0.0, 1.0, in_worlds=True),
+    Variable("time_gap.median", "s", 1.0, *PARAMETERS["time_gap"], is_log=True, in_worlds=True),
+    Variable("time_gap.sd", "1", USUAL_SPREAD, 0.0, 0.8, in_worlds=True),
+    Variable("minimum_gap.median", "m", 2.0, *PARAMETERS["minimum_gap"], is_log=True),
+    Variable("acceleration.median", "m/s²", 1.0, *PARAMETERS["acceleration"], is_log=True, in_worlds=True),
+    Variable("desired_factor.median", "1", 1.0, *PARAMETERS["desired_factor"], is_log=True, in_worlds=True),
+    Variable("desired_factor.sd", "1", 0.1, 0.0, 0.3),
+    Variable("free_weight.median", "1", 1.0, *PARAMETERS["free_weight"]),
+    Variable("noise", "m/s²", 0.2, 0.0, 1.0, in_worlds=True),
+    Variable("noise_length", "s", 1.5, 0.5, 5.0, is_log=True, in_worlds=True),
+    Variable("time_gap_kept", "1", 0.0, 0.0, 1.0, in_worlds=True),
 )
 
 

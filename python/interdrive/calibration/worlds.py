@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from interdrive.traffic_realism.windows import Window
 
 #: So many windows of a place are driven, each so many times.
-SHORT_WINDOWS, ROLLOUTS = 4, 2
+SHORT_WINDOWS, ROLLOUTS = 6, 2
 #: Horizons that count, of `HORIZONS`, in s.
 _HORIZONS = (1, 3, 5)
 #: Weights of what long drives show: persistence, spread, and the share of vehicles that collide.

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 @click.argument("files", nargs=-1, metavar="FILE|FOLDER...")
 @click.option("--planner", metavar="PLANNER", default="idm", help="Whose drivers they are: idm (default) or idm_mobil.")
 @click.option(
-    "--out", metavar="DIR", required=True, help="Folder of the calibration; the same one goes on where it was."
+    "--out",
+    metavar="DIR|FILE.toml",
+    required=True,
+    help="Folder of the calibration; the same one goes on where it was. Or the drivers' file, beside a folder FILE.",
 )
 @click.option("--hold-out", metavar="PLACE,PLACE", help="Places that only check the result.")
 @click.option(
@@ -97,7 +100,8 @@ def calibrate(
                 on_step=report.counted,
             )
         except KeyboardInterrupt:
-            kept = f"interrupted; what was found is in {shown(Path(out))}, and the same command goes on"
+            folder = Path(out).with_suffix("") if out.endswith(".toml") else Path(out)
+            kept = f"interrupted; what was found is in {shown(folder)}, and the same command goes on"
             raise KeyboardInterrupt(kept) from None
     if not quiet:
         _tell(found)
