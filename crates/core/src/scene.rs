@@ -6,6 +6,8 @@ pub use contact::PlacedBody;
 pub mod line_of_sight;
 mod perception;
 pub use perception::Perceived;
+mod position_index;
+pub(crate) use position_index::PositionIndex;
 
 use std::sync::Arc;
 
@@ -235,36 +237,32 @@ impl Scene {
         Some(observed_speed(&then, axis, earlier.as_ref().map(|(ago, state)| (*ago, state)), self.dt))
     }
 
-    /// Positions of the participants present, in the order of `present`.
-    pub(crate) fn positions(&self) -> Vec<Point> {
-        self.present.iter().map(|row| self.state(*row).pose().position).collect()
-    }
-
     /// Rows that the participant in a row sees, ascending, without that row.
     pub fn visible_from(&self, row: usize, limits: &ViewLimits) -> Vec<usize> {
         let mut visible = Vec::new();
-        self.see(row, limits, &self.positions(), &mut visible);
+        self.see(row, limits, &self.position_index(), &mut visible);
         visible.into_iter().map(|place| self.present[place]).collect()
     }
 
-    /// Writes which participants the one in a row sees, as indices into `present`, ascending, without itself. `positions` are those
-    /// of all participants present. The one place that decides about visibility.
-    pub(crate) fn see(&self, row: usize, limits: &ViewLimits, positions: &[Point], visible: &mut Vec<usize>) {
+    /// Writes which participants the one in a row sees, as indices into `present`, ascending, without itself. The index is of this
+    /// scene. The one place that decides about visibility.
+    pub(crate) fn see(&self, row: usize, limits: &ViewLimits, index: &PositionIndex, visible: &mut Vec<usize>) {
         let participants = &self.participants;
-        let eye = self.state(row).pose().position;
-        let is_near = |place: usize| participants.is_near(self.present[place], positions[place], eye, limits);
         let pose = self.state(row).pose();
+        let eye = pose.position;
+        let is_near = |place: usize| participants.is_near(self.present[place], index.positions[place], eye, limits);
         let is_level =
             |place: usize| !participants.storeys.are_apart_at(|| (pose, self.state(self.present[place]).pose()));
-        let others = (0..self.present.len()).filter(|place| self.present[*place] != row && is_level(*place));
-        visible.clear();
+        let is_other = |place: usize| self.present[place] != row && is_level(place);
         let ids = &participants.ids;
         let misses = |place: &usize| limits.misses([ids[row], ids[self.present[*place]]], self.time_step);
         if !limits.occlusion {
-            visible.extend(others.filter(|place| is_near(*place) && !misses(place)));
+            index.around(eye, limits.sensor_radius, visible);
+            visible.retain(|place| is_near(*place) && is_other(*place) && !misses(place));
             return;
         }
-        visible.extend(others);
+        visible.clear();
+        visible.extend((0..self.present.len()).filter(|place| is_other(*place)));
         let bodies: Vec<line_of_sight::SightBody<'_>> = visible
             .iter()
             .map(|place| {

@@ -15,7 +15,7 @@ use crate::right_of_way::{
 };
 use crate::route::Route;
 use crate::rules::SpeedLimits;
-use crate::scene::Scene;
+use crate::scene::{PositionIndex, Scene};
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
     self, Agreement, Log, Network, Object, Observer, Payload, SharedPredictions, Speaker, WAY_SPACING, interpolated,
@@ -164,21 +164,21 @@ impl World {
             observers.push(Observer { id: *id, place, row: drive.row, view, bar });
         }
         let table = completed(predictions, scene);
-        let positions = scene.positions();
-        let look = |i: usize| _ = self.sight(found[i].1, scene, &positions);
+        let index = scene.position_index();
+        let look = |i: usize| _ = self.sight(found[i].1, scene, &index);
         if observers.iter().any(|observer| observer.view.occlusion) {
             self.threads.each(found.len(), |_, i| look(i));
         }
-        let visible: Vec<&[usize]> = found.iter().map(|(_, drive)| self.sight(drive, scene, &positions)).collect();
+        let visible: Vec<&[usize]> = found.iter().map(|(_, drive)| self.sight(drive, scene, &index)).collect();
         Ok(Some(network.expect((scene, &*self.scenario.road), &table, &observers, &visible)))
     }
 
     /// What an equipped agent sees now, as places among those present. It looks once per time step.
-    fn sight(&self, drive: &Drive, scene: &Scene, positions: &[Point]) -> &[usize] {
+    fn sight(&self, drive: &Drive, scene: &Scene, index: &PositionIndex) -> &[usize] {
         let place = drive.place.expect("an equipped agent");
         self.sights[place].get_or_init(|| {
             let mut seen = Vec::new();
-            scene.see(drive.row, &drive.agent.view, positions, &mut seen);
+            scene.see(drive.row, &drive.agent.view, index, &mut seen);
             seen
         })
     }
@@ -268,12 +268,12 @@ impl World {
     /// ledgers are filled with what they see and what they were told.
     pub(super) fn agree(&self, traffic: &Traffic<'_>, rows: &[usize], scene: &Scene, orders: &mut Vec<Order>) {
         let Some(network) = self.network.as_deref().filter(|network| network.settings().negotiate) else { return };
-        let positions = scene.positions();
+        let index = scene.position_index();
         let mut strips: Strips = vec![None; network.ids().len()];
         for (place, drive) in self.talking().filter(|(_, drive)| !self.reverses(drive)) {
             let body = |row: usize| rows.binary_search(&row).ok();
             let Some(own) = body(drive.row) else { continue };
-            let sight = self.sight(drive, scene, &positions).iter();
+            let sight = self.sight(drive, scene, &index).iter();
             let mut known: Vec<usize> = sight.filter_map(|place| body(scene.present[*place])).chain([own]).collect();
             known.sort_unstable();
             known.dedup();
@@ -442,6 +442,6 @@ impl World {
             let extent = participants.shape[row].extent();
             Object::rounded(participants.ids[row], participants.kind[row], &state, extent, participants.is_static[row])
         };
-        self.sight(drive, scene, &scene.positions()).iter().map(object).collect()
+        self.sight(drive, scene, &scene.position_index()).iter().map(object).collect()
     }
 }

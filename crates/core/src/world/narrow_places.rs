@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use super::planning::Crowd;
 use super::{Drive, World};
 use crate::conduct::STATIONARY_SPEED;
+use crate::geometry::Point;
 use crate::plan::{Other, Planner, PredictionIndex, narrow_place};
 use crate::right_of_way::{Course, Zone};
-use crate::scene::Scene;
+use crate::scene::{Participants, Scene};
 use crate::trajectory::Predictions;
 
 /// The narrow places of two agents are one if they are less than this apart [m].
@@ -42,23 +43,29 @@ impl World {
 
     /// Two agents that pass what stands are near something that does.
     pub(super) fn may_pass_from_both_ends(&self) -> bool {
-        let drives = self.drives.iter().filter(|drive| drive.is_driving(self.time_step));
-        drives.filter(|drive| self.is_near_what_stands(drive)).take(2).count() == 2
+        self.are_two_near(&self.what_stands())
     }
 
-    /// An agent may have to pass a vehicle that is no agent.
-    fn is_near_what_stands(&self, drive: &Drive) -> bool {
+    fn are_two_near(&self, standing: &[Point]) -> bool {
+        let drives = self.drives.iter().filter(|drive| drive.is_driving(self.time_step));
+        !standing.is_empty() && drives.filter(|drive| self.is_near(drive, standing)).take(2).count() == 2
+    }
+
+    /// Where vehicles stand that are no agents.
+    fn what_stands(&self) -> Vec<Point> {
+        let Participants { ids, kind, is_static, .. } = &*self.participants;
+        let standing = self.states.iter().enumerate().filter_map(|(row, state)| {
+            let state = state.filter(|state| is_static[row] || state.velocity.abs() < STATIONARY_SPEED)?;
+            (kind[row].is_on_the_road() && self.drive_index(ids[row]).is_err()).then(|| state.pose().position)
+        });
+        standing.collect()
+    }
+
+    /// An agent may have to pass one of those that stand.
+    fn is_near(&self, drive: &Drive, standing: &[Point]) -> bool {
         let Some(own) = self.states[drive.row].filter(|_| self.passes(drive)) else { return false };
         let reach = REACH.0 + REACH.1 * own.velocity.abs();
-        let participants = &self.participants;
-        self.states.iter().enumerate().any(|(row, state)| {
-            state.is_some_and(|state| {
-                (participants.is_static[row] || state.velocity.abs() < STATIONARY_SPEED)
-                    && state.pose().position.distance(own.pose().position) < reach
-                    && participants.kind[row].is_on_the_road()
-                    && self.drive_index(participants.ids[row]).is_err()
-            })
-        })
+        standing.iter().any(|position| position.distance(own.pose().position) < reach)
     }
 
     /// The ways of agents that have to pass what stands while another one does so from the other end, by places among
@@ -70,12 +77,13 @@ impl World {
         seen: &[Vec<usize>],
     ) -> BTreeMap<usize, Course> {
         let mut found: BTreeMap<usize, Course> = BTreeMap::new();
-        if !self.may_pass_from_both_ends() {
+        let standing = self.what_stands();
+        if !self.are_two_near(&standing) {
             return found;
         }
         let crowd = Crowd::of(scene);
         let narrow = |(place, drive): (usize, &Option<&'a Drive>)| {
-            let drive = (*drive).filter(|drive| self.is_near_what_stands(drive))?;
+            let drive = (*drive).filter(|drive| self.is_near(drive, &standing))?;
             let others: Vec<Other<'_>> = seen[place].iter().map(|other| crowd.all[*other]).collect();
             let predictions = Predictions { time_step: self.time_step, ..Predictions::default() };
             let prediction_index = PredictionIndex::of(&predictions, &[]);

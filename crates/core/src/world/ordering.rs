@@ -159,14 +159,14 @@ impl World {
             }
             bodies.push(Body { id: self.participants.ids[row], length, velocity, places });
         }
-        let positions = scene.positions();
+        let index = scene.position_index();
         let mut seen = vec![Vec::new(); rows.len()];
         let place_of: Vec<usize> =
             rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();
         let (mut unseen, mut goes_last) = (vec![Vec::new(); rows.len()], vec![false; rows.len()]);
         for (place, drive) in obeying.iter().enumerate().filter_map(|(place, drive)| Some((place, (*drive)?))) {
             seen[place].reserve(scene.present.len());
-            scene.see(drive.row, &drive.agent.view, &positions, &mut seen[place]);
+            scene.see(drive.row, &drive.agent.view, &index, &mut seen[place]);
             let (way, front) = self.states[drive.row]
                 .map_or((&*drive.way, drive.front()), |state| drive.way_below(&state, &self.scenario));
             goes_last[place] = self.lines(drive).turns_on_red(way, front);

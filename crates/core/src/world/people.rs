@@ -71,11 +71,11 @@ impl World {
         if people.iter().all(Option::is_none) {
             return Vec::new();
         }
-        let positions = scene.positions();
+        let index = scene.position_index();
         let mut visible = Vec::new();
         let mut waits = Vec::new();
         for drive in near {
-            scene.see(drive.row, &drive.agent.view, &positions, &mut visible);
+            scene.see(drive.row, &drive.agent.view, &index, &mut visible);
             waits.extend(self.wait(drive, &scene, &people, &visible));
         }
         waits

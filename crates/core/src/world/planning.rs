@@ -8,14 +8,13 @@ use std::sync::{MutexGuard, OnceLock};
 use super::{Drive, Expected, Step, World};
 use crate::barrier::Barriers;
 use crate::error::Result;
-use crate::geometry::Point;
 use crate::plan::frenet::{self, CostWeights, FrenetSettings, FrenetTarget};
 use crate::plan::{
     self, Candidates, LaneChange, Other, PlanRequest, PlanResult, Planner, PlanningMemory, PredictionIndex,
 };
 use crate::predict::completed;
 use crate::rules::Rules;
-use crate::scene::Scene;
+use crate::scene::{PositionIndex, Scene};
 use crate::trajectory::{Plans, Predictions, Trajectory};
 use crate::v2x::{Extra, Known, SharedPredictions};
 use crate::vehicle::single_track::Moved;
@@ -32,7 +31,7 @@ impl World {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
         let (crowd, predictions) = &Crowd::expected(scene, expected);
-        let prediction_index = PredictionIndex::of(predictions, &crowd.positions);
+        let prediction_index = PredictionIndex::of(predictions, &crowd.index.positions);
         let expected: (&Predictions, _) = (predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
         let results: Vec<OnceLock<PlanResult>> = drives.iter().map(|_| OnceLock::new()).collect();
@@ -82,7 +81,7 @@ impl World {
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let perceived = crowd.perceive(drive, scene, table, &visible, &mut others);
-        let exact = PredictionIndex::of(table, &crowd.positions);
+        let exact = PredictionIndex::of(table, &crowd.index.positions);
         let (table, prediction_index) = perceived.as_ref().map_or((&**table, &exact), |(table, index)| (table, index));
         let level = self.on_its_storey(drive, &others, table);
         let request = self.request(drive, &others, (level.as_ref().unwrap_or(table), prediction_index));
@@ -246,8 +245,8 @@ impl World {
 
 /// All participants present, as planners see them, and what agents were told.
 pub(super) struct Crowd<'a> {
-    /// One per row of the predictions.
-    positions: Vec<Point>,
+    /// One position per row of the predictions.
+    index: PositionIndex,
     pub(super) all: Vec<Other<'a>>,
     told: Option<&'a SharedPredictions>,
 }
@@ -264,14 +263,14 @@ impl<'a> Crowd<'a> {
             is_static: participants.is_static[*row],
             kind: participants.kind[*row],
         };
-        Self { positions: scene.positions(), all: scene.present.iter().enumerate().map(other).collect(), told: None }
+        Self { index: scene.position_index(), all: scene.present.iter().enumerate().map(other).collect(), told: None }
     }
 
     /// The same with what agents were told, and predictions for all of them.
     fn expected(scene: &'a Scene, expected: &'a Expected) -> (Self, Cow<'a, Predictions>) {
         let mut crowd = Self::of(scene);
         let Some(told) = &expected.told else { return (crowd, completed(&expected.predictions, scene)) };
-        crowd.positions.extend(told.extras.iter().map(|extra| extra.state.pose().position));
+        crowd.index.positions.extend(told.extras.iter().map(|extra| extra.state.pose().position));
         (Self { told: Some(told), ..crowd }, Cow::Borrowed(&told.table))
     }
 
@@ -284,7 +283,7 @@ impl<'a> Crowd<'a> {
             others.extend(known.iter().map(|known| self.other(known, told)));
             return;
         }
-        scene.see(drive.row, &drive.agent.view, &self.positions, visible);
+        scene.see(drive.row, &drive.agent.view, &self.index, visible);
         others.extend(visible.iter().map(|place| self.all[*place]));
     }
 
@@ -302,7 +301,7 @@ impl<'a> Crowd<'a> {
         if view.is_exact() {
             return None;
         }
-        let (mut table, mut positions) = (predictions.clone(), self.positions.clone());
+        let (mut table, mut positions) = (predictions.clone(), self.index.positions.clone());
         let mut seen = |i: usize, place: usize| {
             let Some((state, motion)) = scene.seeming_to(drive.row, scene.present[place], view) else { return };
             let pose = state.pose();

@@ -16,6 +16,7 @@ use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
 use crate::plan::learned::{Action, ActionSpace};
 use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
+use crate::scene::PositionIndex;
 use crate::trajectory::{PlanStatus, Plans, State};
 use crate::world::{Driver, Forecast, Step, StepMemory, StepSettings, World, WorldSettings};
 
@@ -86,7 +87,7 @@ pub(super) struct CallMemory {
     bodies: Vec<ObservedBody>,
     /// Rows and positions of those that are there.
     present: Vec<usize>,
-    positions: Vec<Point>,
+    index: PositionIndex,
     /// Places among the bodies of those that an observer sees.
     seen: Vec<usize>,
     observation: ObservationMemory,
@@ -349,7 +350,7 @@ impl Episode {
 
     /// Looks at the world as it is now.
     fn look(&mut self, settings: &WorldsSettings, memory: &mut CallMemory) {
-        let CallMemory { bodies, present, positions, .. } = memory;
+        let CallMemory { bodies, present, index, .. } = memory;
         let dt = self.world.scenario().dt;
         let participants = self.world.participants();
         if self.has_scene {
@@ -363,8 +364,7 @@ impl Episode {
             self.step.begin_unseen(&self.world);
             present_bodies(participants, self.world.present(), dt, present, bodies);
         }
-        positions.clear();
-        positions.extend(bodies.iter().map(|body| body.position));
+        index.write(participants, present, bodies.iter().map(|body| body.position));
         // Those that have just ended are not present any more, but their bodies are what others may have hit.
         for learner in self.learners.iter().filter(|learner| learner.is_driving) {
             let driver = self.world.driver(learner.agent);
@@ -509,18 +509,16 @@ impl Episode {
             dt: self.world.scenario().dt,
             last_time_step: driver.last_time_step,
         };
-        let CallMemory { bodies, present, positions, seen, observation, .. } = memory;
+        let CallMemory { bodies, present, index, seen, observation, .. } = memory;
         let (participants, view) = (self.world.participants(), &driver.agent.view);
         let pose = learner.state.pose();
         seen.clear();
         match driver.state {
-            Some(_) if self.has_scene => self.step.scene.see(driver.row, view, positions, seen),
+            Some(_) if self.has_scene => self.step.scene.see(driver.row, view, index, seen),
             Some(_) => {
-                let others = present.iter().zip(&*positions).enumerate();
-                let is_seen = |(_, (row, position)): &(usize, (&usize, &Point))| {
-                    **row != driver.row && participants.is_near(**row, **position, pose.position, view)
-                };
-                seen.extend(others.filter(is_seen).map(|(place, _)| place));
+                index.around(pose.position, view.sensor_radius, seen);
+                let is_near = |row: usize, at: Point| participants.is_near(row, at, pose.position, view);
+                seen.retain(|i| present[*i] != driver.row && is_near(present[*i], index.positions[*i]));
             }
             None => (),
         }
