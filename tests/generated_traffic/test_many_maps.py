@@ -163,9 +163,9 @@ def test_on_a_sample_of_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_fol
 
 
 @pytest.mark.recorded
-def test_on_all_maps_nobody_has_to_brake_hard_for_an_entry(scenarios_folder):
+def test_on_every_third_road_nobody_has_to_brake_hard_for_an_entry(scenarios_folder):
     """Each road with one of three seeds: recordings of one place have the same road, and generated traffic is alone."""
     by_road = {road_of(file): file for file in sorted(scenarios_folder.rglob("*.xml"))}
-    files = sorted(by_road.values())
+    files = sorted(by_road.values())[::3]
     maps, _, _ = check([(file, 1 + place % 3) for place, file in enumerate(files)], seconds=20)
     assert maps > 0.8 * len(files)
