@@ -40,6 +40,8 @@ CORRIDOR = 0.3
 BRAKING = 2.0
 #: A place counts as reached from this far before it on [m].
 REACHED = 0.5
+#: A rejected sample comes farther than the plan if it does so by this [m].
+FARTHER = 1.0
 #: Causes by the words of a rejection; other words stand for themselves.
 _CAUSES = {
     "off the road": "road edge",
@@ -185,14 +187,14 @@ class _Moment:
         """The cost term that keeps an agent from the cheapest of the faster samples that it could drive."""
         chosen = int(found["chosen"])
         if chosen < 0 or not len(faster):
-            return self._held(agent) if chosen >= 0 else ("no plan", -1)
+            return self._held(agent, found) if chosen >= 0 else ("no plan", -1)
         best = faster[np.nanargmin(found["cost"][faster])]
         term = found["term_names"][int(np.nanargmax(found["terms"][best] - found["terms"][chosen]))]
         behind = self._behind_a_leader(agent) if term in _OF_OTHERS else None
         return behind or (f"cost of {term}", -1)
 
-    def _held(self, agent: int) -> tuple[str, int]:
-        """What keeps an agent slow whose planner drives nothing faster: a leader or a barrier, if there is one."""
+    def _held(self, agent: int, found: dict[str, Any]) -> tuple[str, int]:
+        """What keeps an agent slow whose planner drives nothing faster: a leader, a barrier, or what it would touch."""
         if leader := self._behind_a_leader(agent):
             return leader
         ego = self._world.view(self._scene, agent).ego
@@ -201,10 +203,20 @@ class _Moment:
         barriers = ego.barriers
         near = [i for i in range(len(barriers)) if -REACHED <= barriers.s[i] - front < reach]
         if not near:
-            return "neither leader nor barrier", -1
+            return self._touched(agent, found) or ("neither leader nor barrier", -1)
         first = min(near, key=lambda i: float(barriers.s[i]))
         by = int(barriers.by_id[first])
         return barriers.reason[first].replace("_", " "), by if by in self._driving else -1
+
+    def _touched(self, agent: int, found: dict[str, Any]) -> tuple[str, int] | None:
+        """What the cheapest of the rejected samples touches, if one comes farther than the plan."""
+        way = np.hypot(np.diff(found["x"]), np.diff(found["y"])).sum(axis=1)
+        rejected = [i for i, why in enumerate(found["rejection"]) if why and way[i] > way[found["chosen"]] + FARTHER]
+        if not rejected:
+            return None
+        reason = found["rejection"][min(rejected, key=lambda i: float(found["cost"][i]))]
+        partner = _contact(reason)
+        return (_kind(reason), -1) if partner is None else (self._encounter(agent, partner), partner)
 
     def _behind_a_leader(self, agent: int) -> tuple[str, int] | None:
         """The leader as a cause, if there is one."""

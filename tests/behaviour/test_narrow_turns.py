@@ -88,3 +88,17 @@ def test_a_car_beside_a_turn_is_not_touched_however_far_bodies_may_swing():
     _, _, run = drive(bend(2.5, 5.0, parked))
     assert run.outcomes.outcome[0].startswith("goal_reached")
     assert run.violations.rule == ()
+
+
+@pytest.mark.parametrize(
+    ("structure", "judge", "why"),
+    [
+        # Abreast of the end of the turn, its side 0.3 m beside the lane: the front of the car swings out by 0.5 m.
+        (Car(7, STRAIGHT + 5.0 + 1.25 + 1.2, 4.0, orientation=0.5 * np.pi), "wheels", "collision with 7"),
+        (None, "body", "off the road"),
+    ],
+)
+def test_a_car_that_stands_before_a_turn_says_what_it_would_touch_on_its_way(structure, judge, why):
+    outcome, _, run = drive(bend(2.5, 5.0, structure), road__judge=judge, step__max_steps=STEPS)
+    assert outcome == "time_limit"
+    assert f"without a vehicle ahead, as quicker plans were rejected: {why}" in run.outcomes.reason[0]

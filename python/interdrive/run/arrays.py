@@ -191,7 +191,10 @@ class Plans(Tabular):
     velocity: Floats = field(metadata=number("speed along the heading", "m/s", null=_BEYOND_END, axes="row and point"))
     acceleration: Floats = field(metadata=number("along the heading", "m/s²", null=_BEYOND_END, axes="row and point"))
     rejection: tuple[str, ...] = field(
-        metadata=label("what rejected most samples that the vehicle could drive; empty for ordinary plans")
+        metadata=label(
+            "what rejected most samples that the vehicle could drive, or plans of `rollout` that would have been better;"
+            " empty where nothing did"
+        )
     )
     rejection_x: Floats = field(
         metadata=number("centre in that contact or at the largest overhang", "m", null="no such rejection")

@@ -229,7 +229,10 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
     none = no_safer_plan(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
-    return f"{lasted} without a vehicle ahead" + (f": {none}" if none else ", as planned")
+    if none:
+        return f"{lasted} without a vehicle ahead: {none}"
+    why = said_obstruction(run, agent_id, np.arange(stop.first_time_step, stop.last_time_step + 1))
+    return f"{lasted} without a vehicle ahead, as {f'quicker plans were rejected: {why}' if why else 'planned'}"
 
 
 def said_line(phase: Phase) -> str:
@@ -267,7 +270,7 @@ def no_safer_plan(run: RunRecord, agent_id: int, first: int | None = None, last:
 
 
 def said_obstruction(run: RunRecord, agent_id: int, time_steps: Ints) -> str:
-    """What rejected most samples at most of some time steps, and where it did so first; "" if that is not known."""
+    """What rejected better plans at most of some time steps, and where it did so first; "" if that is not known."""
     plans = run.plans
     rows = np.flatnonzero((plans.agent_id == agent_id) & np.isin(plans.time_step, time_steps))
     counts = Counter(plans.rejection[row] for row in rows.tolist() if plans.rejection[row])

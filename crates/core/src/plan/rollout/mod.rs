@@ -23,6 +23,7 @@ pub use settings::{N_TERMS, RolloutSettings, RolloutWeights};
 pub(in crate::plan) use start::Start;
 
 use super::conflicts::Conflicts;
+use super::driven_point::DrivenPoint;
 use super::{PlanRequest, PlanResult};
 use crate::geometry::Pose;
 use crate::trajectory::{Obstruction, PlanStatus, Trajectory};
@@ -66,12 +67,13 @@ pub(super) fn plan(
     let is_emergency = best.is_emergency || best.contact.is_some() && best.cost > DANGER_COST;
     let trajectory = Trajectory { points: best.rollout.states(request) };
     if !is_emergency {
-        return Some(PlanResult::planned(trajectory, best.cost));
+        let obstruction = best.held.map(|held| obstruction(request, &held.point, &held.contact));
+        return Some(PlanResult { obstruction, ..PlanResult::planned(trajectory, best.cost) });
     }
-    let obstruction = Some(
-        best.contact
-            .map_or_else(|| Obstruction::nowhere("collision"), |contact| obstruction(request, &best.rollout, &contact)),
-    );
+    let obstruction = Some(best.contact.map_or_else(
+        || Obstruction::nowhere("collision"),
+        |contact| obstruction(request, &best.rollout.points[contact.point], &contact),
+    ));
     Some(PlanResult { status: PlanStatus::EmergencyBraking, obstruction, ..PlanResult::planned(trajectory, best.cost) })
 }
 
@@ -86,9 +88,8 @@ fn best(request: &PlanRequest, settings: &RolloutSettings, memory: &mut RolloutM
     Some(if other.cost < best.cost { other } else { best })
 }
 
-/// What is in the way of a roll-out.
-fn obstruction(request: &PlanRequest, rollout: &Rollout, contact: &Contact) -> Obstruction {
-    let point = &rollout.points[contact.point];
+/// What is in the way of a roll-out that is at a point in its first contact.
+fn obstruction(request: &PlanRequest, point: &DrivenPoint, contact: &Contact) -> Obstruction {
     match contact.other {
         Some(other) => {
             let id = request.predictions.ids[request.others[other].row];

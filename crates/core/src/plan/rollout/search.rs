@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use super::super::PlanRequest;
 use super::super::conflicts::Ego;
+use super::super::driven_point::DrivenPoint;
 use super::super::frame::project;
 use super::super::passing::{Obstructions, Place};
 use super::contacts::Contact;
@@ -83,10 +84,22 @@ pub(super) struct Best {
     pub(super) is_emergency: bool,
     pub(super) rollout: Rollout,
     pub(super) contact: Option<Contact>,
+    /// What a better plan would touch.
+    pub(super) held: Option<Held>,
     /// Desired speed on a free and straight road [m/s].
     pub(super) wish: f64,
     /// How far it comes [m].
     pub(super) way: f64,
+}
+
+/// A roll-out that was not taken because of a contact, or because it leaves the road.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Held {
+    /// What it would cost otherwise.
+    cost: f64,
+    pub(super) contact: Contact,
+    /// Where it is then.
+    pub(super) point: DrivenPoint,
 }
 
 /// The search for one plan.
@@ -105,6 +118,8 @@ pub(super) struct Search<'a> {
     /// A roll-out left the road.
     is_narrow: bool,
     best: Option<Best>,
+    /// Of the roll-outs that touch something the one that would cost least otherwise.
+    held: Option<Held>,
 }
 
 impl<'a> Search<'a> {
@@ -136,6 +151,7 @@ impl<'a> Search<'a> {
             before,
             is_narrow: false,
             best: None,
+            held: None,
         }
     }
 
@@ -145,7 +161,7 @@ impl<'a> Search<'a> {
         let start = self.task.start;
         if let Some(rollout) = self.reverse_on() {
             self.recover(rollout);
-            return self.best.expect("it was driven");
+            return self.end();
         }
         let change = &request.lane_change;
         // A change that is urgent aims at the middle of the lane.
@@ -169,7 +185,12 @@ impl<'a> Search<'a> {
         if let Some(rollout) = self.settings.reverse.then(|| self.reverse(comes)).flatten() {
             self.recover(rollout);
         }
-        self.best.expect("an agent can always brake")
+        self.end()
+    }
+
+    fn end(self) -> Best {
+        let best = self.best.expect("an agent can always brake");
+        Best { held: self.held.filter(|held| held.cost + HELD_UP_COST < best.cost), ..best }
     }
 
     /// Drives back, whatever else was better.
@@ -183,7 +204,7 @@ impl<'a> Search<'a> {
         self.memory
             .log
             .record(request, &Evaluated { rollout: &rollout, terms, cost, pace: Pace::Reversing, contact: None });
-        self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, wish: self.task.wish, way: 0.0 });
+        self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, held: None, wish: self.task.wish, way: 0.0 });
     }
 
     /// It stays on the road and keeps its margins.
@@ -434,10 +455,18 @@ impl<'a> Search<'a> {
         let evaluated = Evaluated { rollout: &rollout, terms, cost, pace: proposal.pace, contact: first };
         self.memory.log.record(request, &evaluated);
         self.is_narrow |= off_road.is_some();
+        if let Some(contact) = first {
+            terms[8..].fill(0.0);
+            let cost = price(&terms);
+            if self.held.is_none_or(|held| cost < held.cost) {
+                self.held = Some(Held { cost, contact, point: rollout.points[contact.point] });
+            }
+        }
         if cost < self.cost() {
             let is_emergency = proposal.is_emergency;
             let way = proposal.speeds.s - self.task.start.s;
-            let best = Best { cost, is_emergency, rollout: rollout.clone(), contact: first, wish: self.task.wish, way };
+            let (rollout, wish) = (rollout.clone(), self.task.wish);
+            let best = Best { cost, is_emergency, rollout, contact: first, held: None, wish, way };
             self.best = Some(best);
         }
         self.memory.rollout = rollout;
