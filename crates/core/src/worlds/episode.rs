@@ -1,24 +1,23 @@
 //! One world: an episode from its first step to the end of its last learner.
 
+mod judging;
+mod observing;
+
 use std::sync::Arc;
 
-use super::rewards::{Amounts, N_TERMS, term, term_of};
+use super::rewards::{Amounts, N_TERMS};
 use super::stage::{Cast, Stage};
-use super::{Actions, Ended, EpisodeSpec, Rows, WorldsSettings};
+use super::{Actions, EpisodeSpec, Rows, WorldsSettings};
 use crate::error::{Error, Result};
-use crate::geometry::Point;
-use crate::observation::{
-    self, ObservationMemory, ObservationSettings, ObservedBody, Observer, PIXELS, PathTable, layout::EGO_LENGTH,
-    present_bodies,
-};
+use crate::observation::{self, ObservationMemory, ObservationSettings, ObservedBody, PathTable, present_bodies};
 use crate::plan::Planner;
-use crate::plan::frenet::{CostWeights, N_TERMS as N_COSTS};
+use crate::plan::frenet::CostWeights;
 use crate::plan::learned::{Action, ActionSpace};
 use crate::plan::weights::WeightActions;
 use crate::recording::OutcomeKind;
 use crate::scene::PositionIndex;
 use crate::trajectory::{PlanStatus, Plans, State};
-use crate::world::{Driver, Forecast, Step, StepMemory, StepSettings, World, WorldSettings};
+use crate::world::{Forecast, Step, StepMemory, StepSettings, World, WorldSettings};
 
 /// Past time steps in a scene, so that speeds can be observed.
 const HISTORY: usize = 3;
@@ -373,260 +372,6 @@ impl Episode {
             }
         }
     }
-
-    /// The reward of a learner for the last step, and whether it has ended.
-    fn judge(
-        &mut self,
-        slot: usize,
-        weights: &Amounts,
-        rows: &mut Rows<'_>,
-        is_late: bool,
-        settings: &WorldsSettings,
-        memory: &CallMemory,
-    ) {
-        let learner = &self.learners[slot];
-        let driver = self.world.driver(learner.agent);
-        let (before, dt) = (learner.state, self.world.scenario().dt);
-        // One that ends without moving stays where it was.
-        let state = driver.state.unwrap_or(before);
-        let outcome = driver.outcome;
-        let vehicle = &driver.agent.vehicle;
-        let q = driver.s + vehicle.rear_axle_to_center;
-        let mut amounts = [0.0; N_TERMS];
-        let progress = ((q - learner.start_q) / learner.way).clamp(-1.0, 1.0);
-        amounts[term::PROGRESS] = progress - learner.progress;
-        let lateral = state.velocity * state.yaw_rate;
-        amounts[term::ACCELERATION] = (state.acceleration / 4.0).powi(2) * dt;
-        amounts[term::LATERAL_ACCELERATION] = (lateral / 4.0).powi(2) * dt;
-        amounts[term::JERK] = ((state.acceleration - before.acceleration) / (20.0 * dt)).powi(2) * dt;
-        let at = driver.agent.route.path.at(driver.s);
-        let offset = at.tangent().cross(vehicle.rear_axle_from_center(state.pose()) - at.position);
-        amounts[term::PATH_OFFSET] = (0.5 * offset.abs()).min(1.0) * dt;
-        amounts[term::OVERSPEED] = (state.velocity.abs() / driver.limits.at(q) - 1.0).max(0.0) * dt;
-        amounts[term::LIMITED] = f64::from(u8::from(learner.limited));
-        amounts[term::WEIGHT_CHANGE] = learner.weight_change;
-        if let Some(term) = term_of(outcome.kind, outcome.off_road) {
-            amounts[term] = 1.0;
-            if outcome.kind == OutcomeKind::Collision {
-                amounts[term::COLLISION_SPEED] = outcome.impact_speed / 10.0;
-            }
-        }
-        if weights[term::HEADWAY] != 0.0 {
-            amounts[term::HEADWAY] = self.headway(&driver, &state, memory) * dt;
-        }
-        if weights[term::RECORDED] != 0.0 {
-            let obstacles = &self.world.scenario().obstacles.states;
-            let recorded = learner.recorded.and_then(|row| obstacles.get(row, self.world.time_step()));
-            amounts[term::RECORDED] = recorded
-                .map_or(0.0, |recorded| (-0.5 * recorded.pose().position.distance(state.pose().position)).exp() * dt);
-        }
-        let is_running = outcome.kind == OutcomeKind::Running;
-        let kind = outcome.kind;
-        let has_ended = !is_running || is_late;
-        let reward: f64 = weights.iter().zip(&amounts).map(|(weight, amount)| weight * amount).sum();
-        rows.rewards[slot] += reward as f32;
-        if !rows.components.is_empty() {
-            let components = &mut rows.components[slot * N_TERMS..(slot + 1) * N_TERMS];
-            components.iter_mut().zip(&amounts).for_each(|(sum, amount)| *sum += *amount as f32);
-        }
-        let learner = &mut self.learners[slot];
-        learner.progress = progress;
-        learner.steps += 1;
-        // Once in a decision.
-        learner.weight_change = 0.0;
-        learner.distance += before.pose().position.distance(state.pose().position);
-        learner.total += reward;
-        learner.components.iter_mut().zip(&amounts).for_each(|(sum, amount)| *sum += amount);
-        learner.state = state;
-        if has_ended {
-            (learner.is_driving, learner.has_ended) = (false, true);
-            let is_time = kind == OutcomeKind::TimeLimit && !settings.time_limit_terminates;
-            let truncated = is_running || is_time;
-            (rows.terminals[slot], rows.truncations[slot]) = (!truncated, truncated);
-        }
-        rows.outcomes[slot] = kind as i8;
-    }
-
-    /// 1 - gap / (1.5 s times speed) to the nearest participant seen ahead whose footprint overlaps the own width along
-    /// the path; 0 where that is negative, or there is none.
-    fn headway(&self, driver: &Driver<'_>, state: &State, memory: &CallMemory) -> f64 {
-        /// A smaller time gap costs [s].
-        const TIME: f64 = 1.5;
-        let (path, vehicle) = (&driver.agent.route.path, &driver.agent.vehicle);
-        let reach = TIME * state.velocity;
-        if reach <= 0.0 {
-            return 0.0;
-        }
-        let (pose, storeys) = (state.pose(), &self.world.participants().storeys);
-        let eye = pose.position;
-        let front = driver.s + vehicle.rear_axle_to_center + 0.5 * vehicle.length;
-        let radius = driver.agent.view.sensor_radius;
-        let mut gap = f64::INFINITY;
-        for (body, row) in memory.bodies.iter().zip(&memory.present) {
-            let distance = body.position.distance(eye);
-            let half_length = 0.5 * body.size.0;
-            if *row == driver.row || distance > radius || distance > reach + vehicle.length + half_length + 5.0 {
-                continue;
-            }
-            let Some((s, d)) = path.project_near(body.position, front, reach + half_length + 5.0) else { continue };
-            let turned = path.at(s).tangent().cross(body.axis).abs();
-            let half_width = 0.5 * body.size.1 + (half_length - 0.5 * body.size.1) * turned;
-            let ahead = s - half_length - front;
-            let is_ahead = d.abs() < half_width + 0.5 * vehicle.width && s > front - 0.5 * vehicle.length;
-            if is_ahead && !storeys.are_apart_at(|| (pose, body.pose())) {
-                gap = gap.min(ahead.max(0.0));
-            }
-        }
-        (1.0 - gap / reach).max(0.0)
-    }
-
-    /// Writes what a learner observes now, with a picture if there is room for one.
-    fn observe(
-        &self,
-        slot: usize,
-        settings: &WorldsSettings,
-        (out, picture): (&mut [f32], &mut [u8]),
-        memory: &mut CallMemory,
-    ) {
-        let learner = &self.learners[slot];
-        let (out, planner) =
-            out.split_at_mut(out.len() - settings.actions.weights().map_or(0, WeightActions::n_observed));
-        if let Some(own) = settings.actions.weights() {
-            observe_planner(own, learner, self.world.terms(learner.agent), planner);
-        }
-        let driver = self.world.driver(learner.agent);
-        let observer = Observer {
-            state: &learner.state,
-            vehicle: &driver.agent.vehicle,
-            route: &driver.agent.route,
-            table: &learner.table,
-            limits: driver.limits,
-            goal: &driver.agent.goal,
-            road: &self.world.scenario().road,
-            predictions: self.step.predictions(),
-            s: driver.s,
-            time_step: self.world.time_step(),
-            dt: self.world.scenario().dt,
-            last_time_step: driver.last_time_step,
-        };
-        let CallMemory { bodies, present, index, seen, observation, .. } = memory;
-        let (participants, view) = (self.world.participants(), &driver.agent.view);
-        let pose = learner.state.pose();
-        seen.clear();
-        match driver.state {
-            Some(_) if self.has_scene => self.step.scene.see(driver.row, view, index, seen),
-            Some(_) => {
-                index.around(pose.position, view.sensor_radius, seen);
-                let is_near = |row: usize, at: Point| participants.is_near(row, at, pose.position, view);
-                seen.retain(|i| present[*i] != driver.row && is_near(present[*i], index.positions[*i]));
-            }
-            None => (),
-        }
-        // Those that have just ended are seen by learners that have just ended only: the others look after that.
-        let is_seen = |body: &ObservedBody| {
-            body.id != learner.id
-                && body.position.distance(pose.position) <= view.sensor_radius
-                && !participants.storeys.are_apart_at(|| (pose, body.pose()))
-        };
-        if !learner.is_driving {
-            seen.extend((present.len()..bodies.len()).filter(|place| is_seen(&bodies[*place])));
-        }
-        observation::observe(&observer, bodies, seen, &settings.observation, observation, out);
-        if !picture.is_empty() {
-            observation::draw(&observer, bodies, seen, picture);
-        }
-    }
-
-    /// Writes observations, masks and ids of all rows. Those of learners that have ended in this call hold their last
-    /// observation already if `keep_last`; all others that do not drive are zero.
-    pub(super) fn write(
-        &self,
-        settings: &WorldsSettings,
-        rows: &mut Rows<'_>,
-        keep_last: bool,
-        memory: &mut CallMemory,
-    ) {
-        let n = settings.n_observations();
-        let pixels = if settings.observation.raster { PIXELS } else { 0 };
-        for slot in 0..rows.masks.len() {
-            let out = &mut rows.observations[slot * n..(slot + 1) * n];
-            let picture = &mut rows.rasters[slot * pixels..(slot + 1) * pixels];
-            let Some(learner) = self.learners.get(slot).filter(|learner| learner.has_entered) else {
-                clear(out);
-                picture.fill(0);
-                let id = self.learners.get(slot).map_or(-1, |learner| learner.id);
-                (rows.masks[slot], rows.agent_ids[slot], rows.outcomes[slot]) = (false, id, -1);
-                continue;
-            };
-            let (is_driving, has_ended, id) = (learner.is_driving, learner.has_ended, learner.id);
-            (rows.masks[slot], rows.agent_ids[slot]) = (is_driving, id);
-            if is_driving {
-                self.observe(slot, settings, (out, picture), memory);
-            } else if !(has_ended && keep_last) {
-                clear(out);
-                picture.fill(0);
-            }
-        }
-    }
-
-    /// Writes the last observation of a learner that has just ended: to `observations` if it is kept there, and to
-    /// `final_observations` if there is room for it.
-    fn write_last(
-        &self,
-        slot: usize,
-        settings: &WorldsSettings,
-        rows: &mut Rows<'_>,
-        keep_last: bool,
-        memory: &mut CallMemory,
-    ) {
-        let n = settings.n_observations();
-        let of = |array: &[u8]| if array.is_empty() { 0..0 } else { slot * PIXELS..(slot + 1) * PIXELS };
-        let (pictures, final_pictures) = (of(rows.rasters), of(rows.final_rasters));
-        if keep_last {
-            let out = &mut rows.observations[slot * n..(slot + 1) * n];
-            self.observe(slot, settings, (out, &mut rows.rasters[pictures]), memory);
-        }
-        if !rows.final_observations.is_empty() {
-            let out = &mut rows.final_observations[slot * n..(slot + 1) * n];
-            self.observe(slot, settings, (out, &mut rows.final_rasters[final_pictures]), memory);
-        }
-    }
-
-    /// Adds the information about learners that ended in this call; `first_row` is that of the world.
-    pub(super) fn tell(&self, first_row: usize, settings: &WorldsSettings, ended: &mut Vec<Ended>) {
-        for (slot, learner) in self.learners.iter().enumerate().filter(|(_, learner)| learner.has_ended) {
-            let outcome = self.world.driver(learner.agent).outcome;
-            let truncated = match outcome.kind {
-                OutcomeKind::Running => true,
-                OutcomeKind::TimeLimit => !settings.time_limit_terminates,
-                _ => false,
-            };
-            ended.push(Ended {
-                row: first_row + slot,
-                agent_id: learner.id,
-                stage: self.spec.stage,
-                outcome: outcome.kind,
-                truncated,
-                partner: outcome.partner,
-                off_road: outcome.off_road,
-                impact_speed: outcome.impact_speed,
-                steps: learner.steps,
-                seconds: learner.steps as f64 * self.world.scenario().dt,
-                distance: learner.distance,
-                progress: learner.progress,
-                total: learner.total,
-                components: learner.components,
-            });
-        }
-    }
-}
-
-/// Fills an unused row with zeros, unless it holds no observation: every observation begins with numbers about the
-/// observer, of which its size is never zero.
-fn clear(row: &mut [f32]) {
-    if row[..EGO_LENGTH].iter().any(|value| value.to_bits() != 0) {
-        row.fill(0.0);
-    }
 }
 
 /// The plan of a learner whose action is not a number.
@@ -634,18 +379,4 @@ fn refuse(plans: &mut Plans, row: usize) {
     let (id, time_step) = (plans.ids[row], plans.time_step);
     plans.status[row] = PlanStatus::Error;
     plans.message[row] = format!("agent {id}, time step {time_step}: the action is not a number");
-}
-
-/// Writes what a learner observes about its planner: weights, terms of its last choice, how that came about.
-fn observe_planner(own: &WeightActions, learner: &Learner, terms: Option<[f64; N_COSTS]>, out: &mut [f32]) {
-    let powers = own.powers(&learner.weights).map(|power| (power / 3.0).clamp(-1.0, 1.0));
-    // An infinite amount is 1.
-    let shares = terms.unwrap_or_default().map(|amount| 1.0 - 1.0 / (1.0 + amount));
-    let is = |flag: bool| f64::from(u8::from(flag));
-    let none = learner.status == PlanStatus::None;
-    let planned = learner.status == PlanStatus::Planned;
-    let status = [is(planned), is(!planned && !none), is(none)];
-    for (out, number) in out.iter_mut().zip(powers.chain(shares).chain(status)) {
-        *out = number as f32;
-    }
 }
