@@ -204,7 +204,15 @@ impl<'a> Search<'a> {
         self.memory
             .log
             .record(request, &Evaluated { rollout: &rollout, terms, cost, pace: Pace::Reversing, contact: None });
-        self.best = Some(Best { cost, is_emergency: false, rollout, contact: None, held: None, wish: self.task.wish, way: 0.0 });
+        self.best = Some(Best {
+            cost,
+            is_emergency: false,
+            rollout,
+            contact: None,
+            held: None,
+            wish: self.task.wish,
+            way: 0.0,
+        });
     }
 
     /// It stays on the road and keeps its margins.
