@@ -192,8 +192,8 @@ class Plans(Tabular):
     acceleration: Floats = field(metadata=number("along the heading", "m/s²", null=_BEYOND_END, axes="row and point"))
     rejection: tuple[str, ...] = field(
         metadata=label(
-            "what rejected most samples that the vehicle could drive, or plans of `rollout` that would have been better;"
-            " empty where nothing did"
+            "what rejected most samples that the vehicle could drive, or better plans of `rollout`; empty where"
+            " nothing did"
         )
     )
     rejection_x: Floats = field(

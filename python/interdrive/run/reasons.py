@@ -226,13 +226,17 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
         return f"{lasted} {line}"
     if stop.left_lanelet_id >= 0:
         return f"{lasted} before the end of lanelet {stop.left_lanelet_id} without a gap in the lane beside"
-    none = no_safer_plan(run, agent_id, stop.first_time_step, stop.last_time_step)
     if stop.crossing_ids:
         return f"{lasted} while {said_list(stop.crossing_ids)} crossed its path"
-    if none:
-        return f"{lasted} without a vehicle ahead: {none}"
+    return f"{lasted} without a vehicle ahead{said_plans(run, agent_id, stop)}"
+
+
+def said_plans(run: RunRecord, agent_id: int, stop: Phase) -> str:
+    """Why an agent stood by its plans: it had no safer ones, quicker ones were rejected, or it was as planned."""
+    if none := no_safer_plan(run, agent_id, stop.first_time_step, stop.last_time_step):
+        return f": {none}"
     why = said_obstruction(run, agent_id, np.arange(stop.first_time_step, stop.last_time_step + 1))
-    return f"{lasted} without a vehicle ahead, as {f'quicker plans were rejected: {why}' if why else 'planned'}"
+    return f", as quicker plans were rejected: {why}" if why else ", as planned"
 
 
 def said_line(phase: Phase) -> str:
