@@ -10,11 +10,12 @@ const MARKED_MAX: usize = 2048;
 /// Rounding of a position, and of the distance between two [m].
 const ROUNDING: f64 = 1e-3;
 
-/// Positions of the participants present at one time step.
+/// Positions of the participants present at one time step, ascending in x where there are many.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PositionIndex {
-    /// In the order of `Scene::present` [m].
+    /// In the order of `Scene::present` [m]; behind them there may be those of others that agents were told of.
     pub(crate) positions: Vec<Point>,
+    n_present: usize,
     /// x [m] and place of each position, ascending; empty if there are few.
     by_x: Vec<(f64, usize)>,
     /// Largest radius around a body that never moves: it is seen from so much farther [m].
@@ -31,8 +32,9 @@ impl PositionIndex {
     ) {
         self.positions.clear();
         self.positions.extend(positions);
+        self.n_present = self.positions.len();
         self.by_x.clear();
-        if self.positions.len() >= ORDERED_FROM {
+        if self.n_present >= ORDERED_FROM {
             self.by_x.extend(self.positions.iter().map(|position| position.x).zip(0..));
             self.by_x.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
             let still = present.iter().filter(|row| participants.is_static[**row]);
@@ -44,14 +46,14 @@ impl PositionIndex {
     pub(crate) fn around(&self, eye: Point, radius: f64, places: &mut Vec<usize>) {
         places.clear();
         if self.by_x.is_empty() {
-            places.extend(0..self.positions.len());
+            places.extend(0..self.n_present);
             return;
         }
         let reach = radius + self.extra + ROUNDING;
         let from = self.by_x.partition_point(|(x, _)| *x < eye.x - reach);
         let near = self.by_x[from..].iter().take_while(|(x, _)| *x <= eye.x + reach);
         let near = near.map(|(_, place)| *place).filter(|place| (self.positions[*place].y - eye.y).abs() <= reach);
-        if self.positions.len() > MARKED_MAX {
+        if self.n_present > MARKED_MAX {
             places.extend(near);
             places.sort_unstable();
             return;
@@ -59,7 +61,7 @@ impl PositionIndex {
         // A mark for each place takes less time than sorting.
         let mut marks = [0_u64; MARKED_MAX / 64];
         near.for_each(|place| marks[place / 64] |= 1 << (place % 64));
-        for (word, mut left) in marks.into_iter().enumerate().take(self.positions.len().div_ceil(64)) {
+        for (word, mut left) in marks.into_iter().enumerate().take(self.n_present.div_ceil(64)) {
             while left != 0 {
                 places.push(64 * word + left.trailing_zeros() as usize);
                 left &= left - 1;
