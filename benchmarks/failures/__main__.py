@@ -15,13 +15,16 @@ into a page, between the marks with their names.
 from __future__ import annotations
 
 import argparse
+import json
 import math
+import os
 import re
 import statistics
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))  # of worker processes, too
 
@@ -30,11 +33,12 @@ from interdrive.failure_search import HEAD, Failure, Space, Summary
 from interdrive.failure_search.disturbed_worlds import disturbed
 from interdrive.failure_search.evaluation import Drivers
 from interdrive.failure_search.pairs import pairs_of, paths_of, scenario_at
-from interdrive.failure_search.search_folder import logged
 from interdrive.failure_search.trials import Setup, change_at, drive_at
 
 FAULTS = ("BlindRight", "Late", "Standing", "Sound")
 SCENARIO = "t_junction"
+#: No line of a log is longer [bytes].
+_LINE = 100_000
 
 
 def planted(names: list[str], runs: int, seeds: int, workers: int, out: Path) -> list[list[str]]:
@@ -102,27 +106,26 @@ def detected(names: list[str], runs: int, seeds: int, workers: int, out: Path) -
     return rows
 
 
-def overhead(planner: str, runs: int, seeds: int) -> str:
+def overhead(planner: str, scenario: str, runs: int, seeds: int) -> str:
     """Time of a search beside the time of driving its worlds until the agent ends, on one process; medians.
 
-    Each world is driven again as soon as the search has driven it, so that both times are of the same machine. Runs
+    Each world is driven again soon after the search has driven it, so that both times are of the same machine. Runs
     that fail are left out: their films take seconds.
     """
     ratios, searched, driven, draws = [], [], [], []
     for seed in range(1, 1 + seeds):
         folder = Path(tempfile.mkdtemp()) / "overhead"
-        again = _Again(folder, planner)
-        # What is imported and read once.
-        idr.search(SCENARIO, planner, runs=1, out=folder, seed=seed, shrink=False)
-        again.begin()
-        idr.search(SCENARIO, planner, runs=1 + runs, out=folder, seed=seed, shrink=False, on_run=again)
+        again = _Again(folder, planner, scenario)
+        # What is imported and read once; so does the next call, until its first run is over.
+        idr.search(scenario, planner, runs=1, out=folder, seed=seed, shrink=False)
+        idr.search(scenario, planner, runs=2 + runs, out=folder, seed=seed, shrink=False, on_run=again)
         one, other = (1e3 * statistics.mean(column) for column in zip(*again.times, strict=True))
         searched.append(one)
         driven.append(other)
         ratios.append(100.0 * (one / other - 1.0))
         draws += again.draws
     return (
-        f"{runs} runs of `{planner}` on `{SCENARIO}` with {seeds} seeds, each world driven again right after the\n"
+        f"{runs} runs of `{planner}` on `{scenario}` with {seeds} seeds, each world driven again soon after the\n"
         f"search did: {statistics.median(searched):.1f} ms of processor time per run in the search, "
         f"{statistics.median(driven):.1f} ms to drive the same world\n"
         f"until the agent ends (medians), {statistics.median(ratios):.0f} % more "
@@ -131,25 +134,31 @@ def overhead(planner: str, runs: int, seeds: int) -> str:
 
 
 class _Again:
-    """Drives each world of a search again, as its callback, and notes the processor times of both."""
+    """Drives each world of a search again after the next one, as its callback, and notes the processor times of both.
 
-    def __init__(self, folder: Path, planner: str) -> None:
+    The world that is driven again is never the one that was driven just before: whoever drives finds nothing of it in
+    the caches of the processor.
+    """
+
+    def __init__(self, folder: Path, planner: str, scenario: str) -> None:
         """The search in a folder, of a planner in traffic of `idm`."""
         space = Space().with_v2x(is_on=False)
-        self._pairs, _, _ = pairs_of(paths_of(SCENARIO), space.others, None)
+        self._pairs, _, _ = pairs_of(paths_of(scenario), space.others, None)
         self._setup = Setup(Drivers(planner, "idm", "lane_following"), space, 0)
-        self._folder, self._left = folder, 0.0
+        self._folder, self._left = folder, math.nan
+        self._before: tuple[float, dict[str, Any]] | None = None
         self.times: list[tuple[float, float]] = []
         self.draws: list[int] = []
 
-    def begin(self) -> None:
-        """The search begins, or goes on."""
+    def __call__(self, _n: int, _failures: int) -> None:
+        """Drives the world before the last one of the search."""
+        in_search = time.process_time() - self._left
+        before, self._before = self._before, (in_search, last_logged(self._folder))
+        if before is not None and not math.isnan(before[0]):
+            self._drive(*before)
         self._left = time.process_time()
 
-    def __call__(self, n: int, _: int) -> None:
-        """Drives the last of the first runs of the search."""
-        in_search = time.process_time() - self._left
-        row = logged(self._folder)[n - 1]
+    def _drive(self, in_search: float, row: dict[str, Any]) -> None:
         pair = self._pairs[row["pair"]]
         change = change_at(self._setup, pair, row["point"])
         scenario = disturbed(scenario_at(pair.path), change)
@@ -159,7 +168,14 @@ class _Again:
         if not row["failure"]:
             self.times.append((in_search, time.process_time() - begin))
             self.draws.append(row["draws"])
-        self.begin()
+
+
+def last_logged(folder: Path) -> dict[str, Any]:
+    """The last run in the log of a search, which is still being written."""
+    with (folder / "evaluations.jsonl").open("rb") as log:
+        log.seek(max(log.seek(0, os.SEEK_END) - _LINE, 0))
+        found: dict[str, Any] = json.loads(log.read().splitlines()[-1])
+    return found
 
 
 def searches(folders: list[str]) -> tuple[list[list[str]], list[list[str]]]:
@@ -224,7 +240,9 @@ def main() -> None:
         head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
         parts["their failures"] = table(head, failures) if failures else "None."
     elif given.overhead:
-        parts["overhead"] = "\n\n".join(overhead(planner, 100, 3) for planner in ("idm", "rollout"))
+        parts["overhead"] = "\n\n".join(
+            overhead(planner, scenario, 100, 3) for scenario in (SCENARIO, "highway") for planner in ("idm", "rollout")
+        )
     elif given.detected:
         rows = detected(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
         parts["detected"] = table(("planted", "found in", "median run", "last run", "kinds"), rows)

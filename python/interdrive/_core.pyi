@@ -102,6 +102,7 @@ __all__ = [
     "rss_lateral",
     "rss_longitudinal",
     "settings_tables",
+    "start_conflict",
     "steps_at_most",
     "time_headway",
     "time_to_collision",
@@ -941,6 +942,13 @@ def rss_longitudinal(
 def rss_lateral(parameters: tuple[float, float, float, float], left: _Floats, right: _Floats) -> _Floats: ...
 def crossing_lanelets(road: RoadNetwork, erosion: float, overlap_min: float) -> list[int]: ...
 def follow_path(path: _Floats, x: _Floats, y: _Floats) -> tuple[_Floats, _Floats]: ...
+def start_conflict(
+    recorded: _Floats,
+    starts: _Floats,
+    sizes: _Floats,
+    rows: Sequence[int],
+    limits: tuple[float, float, float, Sequence[float]],
+) -> tuple[int, int, str, float] | None: ...
 def leaves_road(
     road: RoadNetwork, shape: Shape, vehicle: Vehicle, x: _Floats, y: _Floats, orientation: _Floats
 ) -> bool: ...
@@ -951,6 +959,7 @@ class Traffic:
     def straight_times(
         self, judged: Sequence[int], rear_axle_to_center: Sequence[float], horizon: float, threads: int
     ) -> tuple[_Floats, _Ints]: ...
+    def approach(self, id: int, lengths: _Floats, widths: _Floats, steps_most: int) -> tuple[float, int | None]: ...
     def blame(
         self,
         contacts: Sequence[tuple[int, int, int, bool]],

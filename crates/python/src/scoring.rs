@@ -3,8 +3,12 @@
 use std::sync::Arc;
 
 use interdrive_core::collision::leaves_road as core_leaves_road;
+use interdrive_core::criticality::approach::approach;
 use interdrive_core::criticality::blame::{BlameRequest, Reaction, blame};
 use interdrive_core::criticality::preventability::{Conflict, Preventability, Replacement, preventability};
+use interdrive_core::criticality::starting::{
+    Start, StartConflict, StartLimits, start_conflict as core_start_conflict,
+};
 use interdrive_core::criticality::straight::{StraightRequest, straight_times};
 use interdrive_core::criticality::{Traffic, crossing_lanelets as core_crossing_lanelets};
 use interdrive_core::error::Error;
@@ -85,6 +89,24 @@ impl PyTraffic {
             arrays::grid(py, found.iter().map(|one| one.time).collect(), shape)?,
             arrays::grid(py, found.iter().map(|one| one.partner).collect(), shape)?,
         ))
+    }
+
+    /// How near a participant comes to others: smallest distance of centres less half of both lengths [m] (inf: nobody is
+    /// there at the same time), and fewest time steps, up to a number, between it and another one within half of both
+    /// widths of the same place (None: more). Lengths and widths are those of all participants [m].
+    fn approach(
+        &self,
+        id: i64,
+        lengths: PyReadonlyArray1<'_, f64>,
+        widths: PyReadonlyArray1<'_, f64>,
+        steps_most: usize,
+    ) -> PyResult<(f64, Option<usize>)> {
+        let row = self.traffic.row(id).ok_or(Error::UnknownId { what: "participant", id }).map_err(exception)?;
+        let n = self.traffic.len();
+        let lengths = arrays::read_row("lengths", &lengths, n)?;
+        let sizes: Vec<_> = lengths.into_iter().zip(arrays::read_row("widths", &widths, n)?).collect();
+        let found = approach(&self.traffic, row, &sizes, steps_most);
+        Ok((found.distance, found.steps_between))
     }
 
     /// Verdicts on contacts (agent, partner, time step of the first states after it, whether the partner drives on
@@ -253,10 +275,50 @@ pub fn leaves_road(
     Ok(core_leaves_road(&road.0, &shape.0, &vehicle.0, &poses))
 }
 
+/// The first conflict of vehicles at their starts that is not in the recording: both rows, "overlap", "braking" or
+/// "inevitable", and how hard the follower has to brake [m/s²]; None without one. Starts and recorded ones have a row
+/// (x, y, orientation, velocity) for each vehicle, sizes its length and width [m].
+#[pyfunction]
+pub fn start_conflict(
+    recorded: PyReadonlyArray2<'_, f64>,
+    starts: PyReadonlyArray2<'_, f64>,
+    sizes: PyReadonlyArray2<'_, f64>,
+    rows: Vec<usize>,
+    limits: (f64, f64, f64, Vec<f64>),
+) -> PyResult<Option<(usize, usize, &'static str, f64)>> {
+    let sizes = arrays::read_points("sizes", &sizes)?;
+    let read = |name: &str, table: &PyReadonlyArray2<'_, f64>| {
+        let values = table.as_array();
+        if values.shape() != [sizes.len(), 4] {
+            let message = format!("{name}: shape {:?} given, ({}, 4) expected", values.shape(), sizes.len());
+            return Err(InputError::new_err(message));
+        }
+        let start = |(at, size): (numpy::ndarray::ArrayView1<'_, f64>, &Point)| Start {
+            position: Point::new(at[0], at[1]),
+            orientation: at[2],
+            velocity: at[3],
+            size: (size.x, size.y),
+        };
+        Ok(values.outer_iter().zip(&sizes).map(start).collect::<Vec<_>>())
+    };
+    let (recorded, starts) = (read("recorded", &recorded)?, read("starts", &starts)?);
+    if let Some(row) = rows.iter().find(|row| **row >= starts.len()) {
+        return Err(InputError::new_err(format!("rows: there is no row {row}")));
+    }
+    let (reach, lane, braking, times) = limits;
+    let found = core_start_conflict(&recorded, &starts, &rows, &StartLimits { reach, lane, braking, times });
+    Ok(found.map(|(row, other, why)| match why {
+        StartConflict::Overlap => (row, other, "overlap", 0.0),
+        StartConflict::Braking(needed) => (row, other, "braking", needed),
+        StartConflict::Inevitable => (row, other, "inevitable", 0.0),
+    }))
+}
+
 /// Adds the contents of this file to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyTraffic>()?;
     module.add_function(wrap_pyfunction!(crossing_lanelets, module)?)?;
+    module.add_function(wrap_pyfunction!(start_conflict, module)?)?;
     module.add_function(wrap_pyfunction!(follow_path, module)?)?;
     module.add_function(wrap_pyfunction!(leaves_road, module)?)
 }

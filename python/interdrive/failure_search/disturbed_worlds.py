@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import weakref
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -40,13 +41,28 @@ def disturbed(scenario: Scenario, disturbance: Disturbance) -> Scenario:
         for name in STATE_FIELDS:
             tables[name][row, first:] = math.nan
         valid[row, first:] = False
-        track = _Track(obstacles, row, scenario.dt)
+        track = _track(obstacles, row, scenario.dt)
         states = _states(track, time, factor, error, obstacles.x.shape[1] - first)
         last = first + len(states["x"])
         valid[row, first:last] = True
         for name in STATE_FIELDS:
             tables[name][row, first:last] = states[name]
     return replace(scenario, obstacles=replace(obstacles, valid=valid, **tables))
+
+
+#: By the identity of recordings that are in use: a reference to them, and the tracks of their rows.
+_TRACKS: dict[int, tuple[weakref.ref[Obstacles], dict[int, _Track]]] = {}
+
+
+def _track(obstacles: Obstacles, row: int, dt: float) -> _Track:
+    """The track of a vehicle of a recording, made once."""
+    number = id(obstacles)
+    if number not in _TRACKS:
+        _TRACKS[number] = weakref.ref(obstacles, lambda _: _TRACKS.pop(number, None)), {}
+    known = _TRACKS[number][1]
+    if row not in known:
+        known[row] = _Track(obstacles, row, dt)
+    return known[row]
 
 
 class _Track:
@@ -61,11 +77,13 @@ class _Track:
 
     def at(self, times: Floats) -> dict[str, Floats]:
         """The states at times from its first one on [s]; before that straight back along its heading."""
-        before = times <= 0.0
         place = np.minimum(np.maximum(times, 0.0) / self.dt, self.values.shape[1] - 1.0)
         low = np.minimum(place.astype(np.int64), self.values.shape[1] - 2)
         share = place - low
         values = (1.0 - share) * self.values[:, low] + share * self.values[:, low + 1]
+        if not (len(times) and times[0] <= 0.0):  # times ascend
+            return dict(zip(STATE_FIELDS, values, strict=True))
+        before = times <= 0.0
         states = dict(zip(STATE_FIELDS, np.where(before, self.values[:, :1], values), strict=True))
         back = np.where(before, states["velocity"] * times, 0.0)
         heading = float(self.values[_ORIENTATION, 0])

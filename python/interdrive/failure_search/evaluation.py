@@ -24,9 +24,8 @@ from interdrive.simulation import Simulation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from interdrive.array_types import Bools, Ints
     from interdrive.failure_search.disturbances import Disturbance
-    from interdrive.run import Outcomes, States
+    from interdrive.run import Outcomes
     from interdrive.scenario import Scenario
 
 #: What stands for failures that are no collision with a participant.
@@ -195,56 +194,15 @@ def _lanelets(run: Run, participants: Sequence[int]) -> tuple[int, ...]:
 
 def _nearness(run: Run, agent_id: int, seen: Seen) -> float:
     """How near an agent came to others: 0 at a contact straight on, and a number above 1 far from everybody."""
-    states = run.states
+    states, dt = run.states, run.scenario.dt
     row = int(np.searchsorted(states.participant_id, agent_id))
     times = seen.times[agent_id][0][np.flatnonzero(states.valid[row])[1:]]
     straight = min(float(np.nanmin(times, initial=math.inf)) / _TTC_SCALE, 1.0)
-    gap, distance = math.inf, math.inf
-    own = np.flatnonzero(states.valid[row])
-    # Others neither used the same ground nor count as near.
-    for other in _near(states, row, _DISTANCE_MAX):
-        there = np.flatnonzero(states.valid[other])
-        length = 0.5 * float(states.length[row] + states.length[other])
-        width = 0.5 * float(states.width[row] + states.width[other])
-        gap = min(gap, run.scenario.dt * _steps_between(states, (row, own), (other, there), width))
-        both = np.intersect1d(own, there, assume_unique=True)
-        apart = np.hypot(states.x[row, both] - states.x[other, both], states.y[row, both] - states.y[other, both])
-        distance = min(distance, float(apart.min(initial=math.inf)) - length)
+    most = math.ceil(_GAP_SCALE / dt)
+    distance, steps = seen.traffic.approach(agent_id, states.length, states.width, most)
+    gap = math.inf if steps is None else dt * steps
     near = min(max(distance, 0.0), _DISTANCE_MAX)
     return straight + _GAP_WEIGHT * min(gap / _GAP_SCALE, 1.0) + _DISTANCE_WEIGHT * near
-
-
-def _steps_between(states: States, one: tuple[int, Ints], other: tuple[int, Ints], width: float) -> float:
-    """Fewest time steps between one participant and another one within a distance of the same place [m]; inf: never."""
-    (row, own), (column, there) = one, other
-    # Who is outside the box around the other's way is not near it.
-    own = own[_in_box(states, (row, own), (column, there), width)]
-    there = there[_in_box(states, (column, there), (row, own), width)]
-    x, y = (table[row, own][:, None] - table[column, there] for table in (states.x, states.y))
-    steps = np.abs(own[:, None] - there)[x * x + y * y <= width * width]
-    return float(steps.min()) if len(steps) else math.inf
-
-
-def _in_box(states: States, one: tuple[int, Ints], other: tuple[int, Ints], margin: float) -> Bools:
-    """Which states of a participant are in the box around those of another one, grown by a margin [m]."""
-    inside: Bools = np.ones(len(one[1]), dtype=np.bool_)
-    for table in (states.x, states.y):
-        values, others = table[one], table[other]
-        low, high = others.min(initial=math.inf), others.max(initial=-math.inf)
-        inside &= (values >= low - margin) & (values <= high + margin)
-    return inside
-
-
-def _near(states: States, row: int, reach: float) -> list[int]:
-    """The other participants whose ways may come so near to that of one [m]: the boxes around their ways do."""
-    gaps = []
-    for table in (states.x, states.y):
-        low = np.where(states.valid, table, math.inf).min(axis=1, initial=math.inf)
-        high = np.where(states.valid, table, -math.inf).max(axis=1, initial=-math.inf)
-        gaps.append(np.maximum(np.maximum(low - high[row], low[row] - high), 0.0))
-    near = np.hypot(*gaps) <= reach + 0.5 * (states.length + states.length[row])
-    near[row] = False
-    return np.flatnonzero(near).tolist()
 
 
 def drive_of(scenario: Scenario, agent_id: int, drivers: Drivers) -> Drive:

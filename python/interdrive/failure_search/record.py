@@ -89,9 +89,11 @@ class Record:
 
         The row stays as it is if there is nothing to keep, or if the same run is kept already.
         """
+        if kept is None:
+            return row
         named = {one["folder"] for one in self.folder.rows if one["folder"]}
         known = {one.digest for one in failures(self.folder.path) if one.folder.name in named}
-        if kept is None or kept.failure.digest in known:
+        if kept.failure.digest in known:
             return row
         name = f"{1 + len(named):03d}"
         # Ctrl-C may have come between the folder of this failure and its row.

@@ -299,7 +299,7 @@ def _error(space: Space, pair: Pair, at: dict[str, float]) -> Error | None:
 def _back(neutral: float, bounds: tuple[float, float]) -> float:
     """Coordinate of the undisturbed value, or of the bound that is nearest to it."""
     low, high = bounds
-    return 0.0 if high == low else float(np.clip((neutral - low) / (high - low), 0.0, 1.0))
+    return 0.0 if high == low else min(max((neutral - low) / (high - low), 0.0), 1.0)
 
 
 def _toward(coordinate: float, bounds: tuple[float, float], neutral: float) -> float:

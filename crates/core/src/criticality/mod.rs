@@ -1,8 +1,10 @@
 //! Criticality: how near recorded or simulated traffic comes to accidents, the measures of every vehicle and time step,
 //! and the harm of collisions. Evaluated afterwards, on recorded states. See docs/reference/criticality.md.
 
+pub mod approach;
 pub mod blame;
 pub mod preventability;
+pub mod starting;
 mod conflict;
 mod curve;
 mod evaluation_step;

@@ -92,6 +92,12 @@ impl Traffic {
         Ok(())
     }
 
+    /// Number of participants.
+    #[expect(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.states.ids.len()
+    }
+
     /// Row of a participant.
     pub fn row(&self, id: i64) -> Option<usize> {
         self.states.row(id)

@@ -1,5 +1,6 @@
 //! Measures on hand-built roads, with numbers computed by hand (docs/reference/criticality.md, "Examples").
 
+mod approach;
 pub(super) mod conflicts;
 mod encounters;
 mod following;
