@@ -247,6 +247,37 @@ def test_a_suite_says_which_failures_a_planner_has_fixed(done, tmp_path):
         one.check(BLIND)
 
 
+HANGING = """
+import drivers, time
+
+class Hanging(drivers.Straight):
+    def plan(self, view, predictions):
+        time.sleep(60.0)
+"""
+
+
+def test_a_planner_that_hangs_ends_a_check_and_a_repetition_after_the_time_that_it_is_given(
+    done, tmp_path, monkeypatch
+):
+    (tmp_path / "hanging.py").write_text(HANGING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    suite = tmp_path / "suite"
+    assert invoked("suite", done[1], "--out", suite)[0] == 0
+    for more in failures(suite)[1:]:
+        shutil.rmtree(more.folder)
+    code, text = invoked("check", suite, "--planner", "hanging:Hanging", "--run-timeout", 0.5)
+    assert code == 1
+    assert "no answer: it took longer than 0.5 s (--run-timeout) 0 of 1 fixed" in text
+    assert invoked("check", suite, "--planner", "cc", "--run-timeout", 60)[0] == 0
+    (one,) = failures(suite)
+    assert invoked("replay", one.folder, "--trust", "--run-timeout", 60)[0] == 0
+    about = one.folder / "failure.json"
+    about.write_text(about.read_text().replace(BLIND, "hanging:Hanging"))
+    code, text = invoked("replay", one.folder, "--trust", "--run-timeout", 0.5)
+    assert (code, "it took longer than 0.5 s" in text) == (2, True)
+    assert invoked("check", suite, "--planner", "cc", "--run-timeout", 0)[0] == 2
+
+
 def test_the_command_says_what_it_found_and_its_interval(file, tmp_path):
     code, text = invoked(file, "--planner", "idm", "--agent", AGENT, "--runs", 4, "--out", tmp_path / "idm")
     assert code == 0
@@ -285,11 +316,12 @@ def test_a_damaged_search_is_refused_in_one_line(done, tmp_path, spoilt):
     assert (code, "is damaged" in text) == (2, True)
 
 
-def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path):
-    searched(file, tmp_path / "two", workers=2)
+@pytest.mark.parametrize("workers", [2, 4])
+def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path, workers):
+    searched(file, tmp_path / "more", workers=workers)
     for name in ("evaluations.jsonl", "evaluations.parquet", "search.json"):
-        assert (tmp_path / "two" / name).read_bytes() == (done[1] / name).read_bytes(), name
-    assert [one.digest for one in failures(tmp_path / "two")] == [one.digest for one in done[0].failures]
+        assert (tmp_path / "more" / name).read_bytes() == (done[1] / name).read_bytes(), name
+    assert [one.digest for one in failures(tmp_path / "more")] == [one.digest for one in done[0].failures]
 
 
 DEADLY = """

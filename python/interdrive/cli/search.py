@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _TRUST = click.option("--trust", is_flag=True, help="Import planners that the failure names as module:object.")
+_RUN_TIMEOUT = click.option(
+    "--run-timeout", metavar="S", type=float, default=math.inf, help="A drive may take this long (for ever)."
+)
 
 
 class _Search(click.Group):
@@ -122,16 +125,18 @@ def _say_how_many(say_so: Callable[[str], None], runs: int | None, done: int, fa
 
 @search.command()
 @click.argument("folder", metavar="FAILURE")
+@_RUN_TIMEOUT
 @_TRUST
-def replay(folder: str, trust: bool) -> int:
+def replay(folder: str, trust: bool, run_timeout: float) -> int:
     """Repeat the failure in folder FAILURE. Exit code 0: its digest is equal; 1: it is not."""
-    from interdrive.failure_search import replay as repeated  # noqa: PLC0415 - numpy
-    from interdrive.failure_search.failures import read_failure  # noqa: PLC0415
+    from interdrive.failure_search.failures import read_failure  # noqa: PLC0415 - numpy
+    from interdrive.failure_search.repeating import digest_again  # noqa: PLC0415
 
     failure = read_failure(folder)
-    run, is_equal = repeated(failure, trust=trust)
+    digest = digest_again(failure, trust=trust, run_timeout=run_timeout)
+    is_equal = digest == failure.digest
     say(f"agent {failure.drive.agent_id}, {failure.failure}: {failure.words}")
-    said = "equal" if is_equal else f"different: {run.digest[:12]}..., stored {failure.digest[:12]}..."
+    said = "equal" if is_equal else f"different: {digest[:12]}..., stored {failure.digest[:12]}..."
     say(f"digest {said}" + ("" if is_equal else f" (found by version {failure.version})"))
     return 0 if is_equal else 1
 
@@ -161,15 +166,16 @@ def suite(folder: str, out: str) -> None:
 @search.command()
 @click.argument("folder", metavar="SUITE")
 @click.option("--planner", metavar="PLANNER", required=True, help="The planner under test.")
+@_RUN_TIMEOUT
 @_TRUST
-def check(folder: str, planner: str, trust: bool) -> int:
+def check(folder: str, planner: str, trust: bool, run_timeout: float) -> int:
     """Drive the failures of SUITE with a planner. Exit code 0: it fails in none; 1: it fails in some."""
-    from interdrive.failure_search import check_failure, failures  # noqa: PLC0415 - numpy
+    from interdrive.failure_search import failures  # noqa: PLC0415 - numpy
+    from interdrive.failure_search.repeating import checked  # noqa: PLC0415
 
     n_failed = 0
     found = failures(folder)
-    for one in found:
-        verdict: Any = check_failure(one, planner, trust=trust)
+    for one, verdict in zip(found, checked(found, planner, trust=trust, run_timeout=run_timeout), strict=True):
         n_failed += bool(verdict.failure)
         say(f"{one}: {verdict.failure or 'fixed'}" + (f": {verdict.words}" if verdict.failure else ""))
     say(f"{len(found) - n_failed} of {len(found)} fixed")
