@@ -153,6 +153,26 @@ def compare(folders: tuple[str, ...]) -> None:
 
 @search.command()
 @click.argument("folder", metavar="DIR")
+@click.argument("paths", metavar="FILE|FOLDER|NAME...", nargs=-1, required=True)
+def realism(folder: str, paths: tuple[str, ...]) -> None:
+    """Ask a classifier whether the other vehicles of the failures in DIR drive like those recorded in its files.
+
+    The answer is kept in DIR, and `compare` shows it.
+    """
+    from interdrive.failure_search.likeness import measure  # noqa: PLC0415 - numpy
+    from interdrive.failure_search.pairs import paths_of  # noqa: PLC0415
+
+    found = measure(folder, paths_of(list(paths)))
+    share = f" ({100.0 * found.share:.0f} %)" if found.vehicles else ""
+    say(f"{found.alike} of {found.vehicles} other vehicles{share} look recorded to the classifier")
+    say(
+        f"so do {100.0 * found.driven:.0f} % of what the traffic drives undisturbed; {found.recorded} recorded and "
+        f"{found.simulated} driven snippets of {found.files} files, area under the curve {found.auc:.2f}"
+    )
+
+
+@search.command()
+@click.argument("folder", metavar="DIR")
 @click.option("--out", metavar="SUITE", required=True, help="Folder of the suite; failures are added to it.")
 def suite(folder: str, out: str) -> None:
     """Collect the failures of the search in folder DIR in a regression suite."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 #: What the agent's errors of perception are called, by the setting of its view.
@@ -104,3 +105,13 @@ class Disturbance:
             if name in _PERCEPTION
         ]
         return "; ".join(said) or "nothing is disturbed"
+
+
+#: What `Disturbance.words` say of who errs.
+_ERRS = re.compile(r"(?:^|; )(-?\d+) (?:brakes|drifts|does not look|does not react|keeps no rules)")
+
+
+def erring_in(words: str) -> int | None:
+    """The vehicle that errs, by the words of a disturbance; None: nobody does."""
+    found = _ERRS.search(words)
+    return int(found[1]) if found else None

@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from interdrive.errors import ResultsError
 from interdrive.failure_search.failures import Failure, failures
+from interdrive.failure_search.likeness import likeness_in
 from interdrive.failure_search.rates import Yield, is_lost, said_rate, said_ratio, yields
 from interdrive.failure_search.search_folder import described, logged
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from interdrive.failure_search.likeness import Likeness
+
 #: Headings of the rows of `compared`.
 HEAD = (
     *("search", "planner", "runs", "lost", "uniform runs", "fail", "rate [%]", "95 %"),
     *("directed fail", "times uniform", "95 % of it", "different", "at equal runs"),
-    *("failures", "avoidable", "agents"),
+    *("failures", "avoidable", "agents", "others look recorded"),
 )
 
 
@@ -34,6 +37,7 @@ class Summary:
         failures: Failures that are kept.
         yields: What its runs brought by where their points come from, the uniform ones first.
         undisturbed: Agents that fail without any disturbance.
+        likeness: Whether the other vehicles of failures look recorded; None: not measured.
     """
 
     folder: Path
@@ -42,6 +46,7 @@ class Summary:
     failures: tuple[Failure, ...]
     yields: tuple[Yield, ...]
     undisturbed: tuple[str, ...]
+    likeness: Likeness | None
 
     @classmethod
     def of(cls, folder: str | Path) -> Summary:
@@ -53,7 +58,8 @@ class Summary:
         about, rows = described(folder), logged(folder)
         try:
             failing = tuple(f"{name} {agent}" for name, agent, how in about["undisturbed"] if how and how[0] != "!")
-            return cls(Path(folder), str(about["planner"]), rows, tuple(failures(folder)), yields(rows), failing)
+            kept, alike = tuple(failures(folder)), likeness_in(folder)
+            return cls(Path(folder), str(about["planner"]), rows, kept, yields(rows), failing, alike)
         except (KeyError, TypeError, ValueError) as error:
             raise ResultsError(f"{folder}: the search is damaged ({error!r}); search anew in another folder") from error
 
@@ -86,6 +92,7 @@ class Summary:
             str(len(self.failures)),
             str(sum(bool(one.witness) for one in self.failures)),
             str(self.agents),
+            "" if self.likeness is None else f"{self.likeness.alike} of {self.likeness.vehicles}",
         )
 
 

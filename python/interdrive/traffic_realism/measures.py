@@ -124,8 +124,8 @@ def measured(window: Window, truth: Rollouts, found: Rollouts, road: _core.RoadN
     raw_speed = found.states[0, 3][:, points]
     with np.errstate(invalid="ignore"):
         standing = int((compared & (np.abs(raw_speed) < _STANDS)).sum())
-    snippets, is_snippet = _snippets(own)
-    _, is_recorded = _snippets(theirs)
+    snippets, is_snippet = snippets_of(own)
+    _, is_recorded = snippets_of(theirs)
     goes_on = np.stack(
         [
             known[:, _last(begin)] if _last(begin) < known.shape[1] else np.zeros(len(known), dtype=np.bool_)
@@ -182,8 +182,15 @@ def _last(begin: float) -> int:
     return round((begin + _SNIPPET) / GRID)
 
 
-def _snippets(found: Kinematics) -> tuple[Floats, Bools]:
-    """Features of all snippets, shape (snippets of each begin, one after the other, 18), and which are complete."""
+def snippets_of(found: Kinematics) -> tuple[Floats, Bools]:
+    """Features of snippets from a start on, and which are complete.
+
+    Args:
+        found: Of vehicles, from the start on.
+
+    Returns:
+        Shape (snippets of each begin, one after the other, 18), and (snippets,).
+    """
     parts = []
     for begin in _SNIPPETS:
         first, last = round(begin / GRID), _last(begin)

@@ -32,19 +32,41 @@ def two_sample_auc(features: Floats, is_simulated: Bools, groups: Ints, seed: in
     Returns:
         The area under the curve of all out-of-fold scores; nan below two groups.
     """
-    distinct = np.unique(groups)
-    if len(distinct) < 2:
+    if len(np.unique(groups)) < 2:
         return float("nan")
-    fold_of = np.random.default_rng(seed).permutation(len(distinct)) % min(_FOLDS, len(distinct))
-    fold = fold_of[np.searchsorted(distinct, groups)]
-    scores = np.zeros(len(features))
+    scores, _, fold = unseen_scores(features, is_simulated, groups, features[:0], groups[:0], seed)
     ranks = np.zeros(len(features))
     for one in np.unique(fold):
-        out = fold == one
-        scores[out] = _boosted(features[~out], is_simulated[~out], features[out])
         # Folds are compared by ranks: the trees of each have their own base rate.
-        ranks[out] = _ranked(scores[out])
+        ranks[fold == one] = _ranked(scores[fold == one])
     return auc(ranks, is_simulated)
+
+
+def unseen_scores(
+    features: Floats, is_simulated: Bools, groups: Ints, asked: Floats, asked_groups: Ints, seed: int = 0
+) -> tuple[Floats, Floats, Ints]:
+    """Scores of samples, and of others, by trees that have seen nothing of their groups.
+
+    Args:
+        features: Shape (samples, features); nan is a value of its own.
+        is_simulated: Shape (samples,).
+        groups: Shape (samples,); at least two.
+        asked: Features of others.
+        asked_groups: Their groups, which the samples have, too.
+        seed: Of the folds.
+
+    Returns:
+        Log odds of being simulated of the samples and of the others; the fold of each sample.
+    """
+    distinct = np.unique(groups)
+    fold_of = np.random.default_rng(seed).permutation(len(distinct)) % min(_FOLDS, len(distinct))
+    fold, asked_fold = (fold_of[np.searchsorted(distinct, own)] for own in (groups, asked_groups))
+    scores, asked_scores = np.zeros(len(features)), np.zeros(len(asked))
+    for one in np.unique(fold):
+        out, asked_out = fold == one, asked_fold == one
+        both = _boosted(features[~out], is_simulated[~out], np.concatenate((features[out], asked[asked_out])))
+        scores[out], asked_scores[asked_out] = both[: out.sum()], both[out.sum() :]
+    return scores, asked_scores, fold
 
 
 def _ranked(scores: Floats) -> Floats:
