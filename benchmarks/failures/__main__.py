@@ -2,14 +2,14 @@
 
 python benchmarks/failures [--planners Late,...] [--runs 300] [--seeds 5] [--workers 1] [--out DIR] [--page PAGE]
 python benchmarks/failures --detected [--planners Late,...] [--runs 300] [--seeds 5] [--out DIR] [--page PAGE]
-python benchmarks/failures --searches DIR ... [--page PAGE]
-python benchmarks/failures --overhead [--page PAGE]
+python benchmarks/failures --searches DIR ... [--build NAME] [--page PAGE]
+python benchmarks/failures --overhead [--runs 300] [--seeds 5] [--page PAGE]
 
-With --searches, the rows of `interdrive search compare`, and the failures of each. Otherwise the planted planners of
-planted.py are searched on t_junction with each seed. With --detected a search ends with its first failure, and printed
-is in which run that is; without, the rates of uniform and directed runs, and their ratio. With --overhead, the time of
-a search beside that of the same drives. Searches that are there already are not driven again. --page writes the tables
-into a page, between the marks with their names.
+With --searches, the rows of `interdrive search compare`, and the failures of each, in sections of that build. Otherwise
+the planted planners of planted.py are searched on t_junction with each seed. With --detected a search ends with its
+first failure, and printed is in which run that is; without, the rates of uniform and directed runs, and their ratio.
+With --overhead, the time of a search beside that of the same drives. Searches that are there already are not driven
+again. --page writes the tables into a page, between the marks with their names.
 """
 
 from __future__ import annotations
@@ -124,8 +124,9 @@ def overhead(planner: str, scenario: str, runs: int, seeds: int) -> str:
         driven.append(other)
         ratios.append(100.0 * (one / other - 1.0))
         draws += again.draws
+    said = f"{runs} runs of `{planner}` on `{scenario}` with {seeds} seed{'s' if seeds > 1 else ''}"
     return (
-        f"{runs} runs of `{planner}` on `{scenario}` with {seeds} seeds, each world driven again soon after the\n"
+        f"{said}, each world driven again soon after the\n"
         f"search did: {statistics.median(searched):.1f} ms of processor time per run in the search, "
         f"{statistics.median(driven):.1f} ms to drive the same world\n"
         f"until the agent ends (medians), {statistics.median(ratios):.0f} % more "
@@ -231,17 +232,21 @@ def main() -> None:
     parser.add_argument("--detected", action="store_true")
     parser.add_argument("--overhead", action="store_true")
     parser.add_argument("--searches", nargs="+")
+    parser.add_argument("--build", default="")
     parser.add_argument("--page", type=Path)
     given = parser.parse_args()
     parts: dict[str, str] = {}
     if given.searches:
         rows, failures = searches(given.searches)
-        parts["shipped planners"] = table(HEAD[1:], rows)
+        build = f" of {given.build}" if given.build else ""
+        parts[f"shipped planners{build}"] = table(HEAD[1:], rows)
         head = ("planner", "scenario", "agent", "kind", "what happened", "different from the recording", "avoided by")
-        parts["their failures"] = table(head, failures) if failures else "None."
+        parts[f"their failures{build}"] = table(head, failures) if failures else "None."
     elif given.overhead:
         parts["overhead"] = "\n\n".join(
-            overhead(planner, scenario, 100, 3) for scenario in (SCENARIO, "highway") for planner in ("idm", "rollout")
+            overhead(planner, scenario, given.runs, given.seeds)
+            for scenario in (SCENARIO, "highway")
+            for planner in ("idm", "rollout")
         )
     elif given.detected:
         rows = detected(given.planners.split(","), given.runs, given.seeds, given.workers, given.out)
