@@ -386,6 +386,8 @@ class IdmMobil(Idm):
             and at most 100.
         bias: Bias for each lane nearer to the lane that leads to the goal. Between 0 and 100.
         lane_change_duration: Duration of a lane change. Between 1 and 60.
+        looking_interval: Time from one look for a better lane to the next; 0: it looks at every step. Who must
+            change soon looks at every step, too. Between 0 and 60.
     """
 
     politeness: float = 0.2
@@ -393,6 +395,7 @@ class IdmMobil(Idm):
     safe_deceleration: Annotated[float, "m/s²"] = 4.0
     bias: Annotated[float, "m/s²"] = 0.3
     lane_change_duration: Annotated[float, "s"] = 4.0
+    looking_interval: Annotated[float, "s"] = 0.0
 
     def __post_init__(self) -> None:
         """Checks the ranges (in the core, which names the field)."""

@@ -341,3 +341,46 @@ def test_an_agent_turns_into_a_road_whose_far_lane_it_has_to_reach():
     assert run.outcomes.outcome == ("goal_reached",)
     # It cannot plan along a lane across which it heads.
     assert not (run.plans.status == PLAN_STATUS.index("emergency_braking")).any()
+
+
+def _in_waves(seconds):
+    """Two lanes with a leader each, faster in turns: now the one is ahead, now the other."""
+    time = 0.1 * np.arange(10 * seconds + 1)
+    scenario = world(
+        straight_road(20.0 * seconds + 300.0, lanes=2),
+        cars=[Car(1, 60.0, 0.0, 15.0), Car(2, 60.0, 3.5, 15.0), Car(3, 20.0, 0.0, 15.0)],
+        steps=10 * seconds,
+    )
+    x, velocity = scenario.obstacles.x.copy(), scenario.obstacles.velocity.copy()
+    period, swing = 12.0, 20.0
+    for row, sign in ((0, 1.0), (1, -1.0)):
+        phase = 2.0 * np.pi * time / period
+        x[row] = 60.0 + 15.0 * time + sign * swing * (1.0 - np.cos(phase)) / 2.0
+        velocity[row] = 15.0 + sign * swing * np.pi / period * np.sin(phase)
+    return replace(scenario, obstacles=replace(scenario.obstacles, x=x, velocity=velocity))
+
+
+def _changes(scenario, words):
+    """When agent 3 passes the line between the lanes [s]."""
+    settings = {"goal.information": "turns"}
+    run = idr.simulate(scenario, agents=[3], planner=f"idm_mobil,driver.desired_factor=1.2{words}", settings=settings)
+    y = run.states.y[list(run.states.participant_id).index(3)]
+    return 0.1 * np.flatnonzero(np.diff(y[np.isfinite(y)] > 1.75))
+
+
+def test_who_looks_for_a_better_lane_now_and_then_does_not_go_back_at_once():
+    scenario = _in_waves(90)
+    always, sometimes = _changes(scenario, ""), _changes(scenario, ",looking_interval=20")
+    assert len(always) > 6
+    assert np.diff(always).min() < 10.0, "s: back at once"
+    assert 1 <= len(sometimes) < len(always) / 2
+    # One look is 20 s after the other, and a change takes as long as the one before.
+    assert np.diff(sometimes).min(initial=20.0) > 19.0, "s"
+
+
+@pytest.mark.parametrize("start", [30.0, 33.0, 36.0, 39.0])
+def test_who_has_to_change_soon_does_not_wait_until_it_looks_again(start):
+    goal = problem(1, start, 0.0, 10.0, goal=(380.0, 3.5), goal_size=(20.0, 3.5), time_step=(0, 900))
+    scenario = world(straight_road(400.0, lanes=2), problems=[goal], steps=900)
+    run = idr.simulate(scenario, agents=[1], planner="idm_mobil,looking_interval=60", threads=1)
+    assert run.outcomes.outcome == ("goal_reached",)

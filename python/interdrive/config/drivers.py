@@ -65,7 +65,7 @@ _PLACE = ("lateral_offset", "lateral_kept", "lateral_noise", "lateral_length", "
 IN_COMMON: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "idm": ("improved", *_NOISE, *_PLACE),
-        "idm_mobil": ("improved", *_NOISE, *_PLACE),
+        "idm_mobil": ("improved", *_NOISE, *_PLACE, "looking_interval"),
         "frenet": (*_NOISE, *_PLACE),
         "velocity_adjusting": _NOISE,
         "rollout": (),
@@ -147,6 +147,7 @@ class Drivers:
         lateral_way: Way on which that part changes instead [m]; 0: it changes with time.
         time_gap_kept: How much of its headway at the start each keeps: its time gap is the drawn one times the headway
             over 1.5 s, to this power.
+        looking_interval: How often they look for a better lane, `idm_mobil` alone [s]; 0: at every step.
         planner: Whose drivers they are, where they were fitted; empty: any planner's.
         provenance: Where the numbers are from; `places` names the places that they were fitted on.
     """
@@ -164,6 +165,7 @@ class Drivers:
     lateral_length: float = 2.0
     lateral_way: float = 0.0
     time_gap_kept: float = 0.0
+    looking_interval: float = 0.0
     planner: str = ""
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -395,6 +397,7 @@ _CONSTANTS = {
     "lateral_length": (0.01, 60.0),
     "lateral_way": (0.0, 1000.0),
     "time_gap_kept": (0.0, 1.0),
+    "looking_interval": (0.0, 60.0),
 }
 #: A `lateral_offset` that each driver has at its start: all of it is kept.
 _AT_START = "start"

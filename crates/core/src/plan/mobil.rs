@@ -15,6 +15,7 @@ use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::path_motion::RETURN_TIME;
 use super::{PlanRequest, PlanResult, PlanningMemory, path_motion, refused};
 use crate::settings::{between, positive, settings};
+use crate::trajectory::State;
 
 /// A change is urgent if less than this time and this length are left for each one that is missing.
 const URGENT_TIME: f64 = 15.0;
@@ -47,6 +48,9 @@ settings! {
         bias: f64 ["m/s²"] = 0.3, between(0.0, 100.0);
         /// Duration of a lane change.
         lane_change_duration: f64 ["s"] = 4.0, between(1.0, 60.0);
+        /// Time from one look for a better lane to the next; 0: it looks at every step. Who must change soon looks at every
+        /// step, too.
+        looking_interval: f64 ["s"] = 0.0, between(0.0, 60.0);
     }
 }
 
@@ -56,6 +60,23 @@ impl IdmMobilSettings {
     fn is_worth_it(&self, own: (f64, f64), new: (f64, f64), old: (f64, f64), bias: f64) -> bool {
         let others = new.1 - new.0 + old.1 - old.0;
         own.1 - own.0 + self.politeness * others + bias > self.changing_threshold
+    }
+
+    /// It looks for a better lane at this step. Each agent has steps of its own, which follow from where it entered.
+    fn looks(&self, request: &PlanRequest) -> bool {
+        let steps = (self.looking_interval / request.dt).round() as i64;
+        if steps <= 1 {
+            return true;
+        }
+        let State { x, y, .. } = request.entry;
+        let mixed = (x.to_bits() ^ y.to_bits().rotate_left(32)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+        let own = ((mixed >> 33) as i64).wrapping_add(self.idm.place.wavering.noise_seed as i64);
+        (request.time_step + own).rem_euclid(steps) == 0
+    }
+
+    /// It has to change soon in a lane with this need.
+    fn is_urgent(&self, need: &Need, s: f64, velocity: f64) -> bool {
+        self.burden(need, s, velocity) > need.changes as f64 * self.bias
     }
 
     /// What speaks against a lane [m/s²]: the bias for every change that is missing there, up to b_safe more when it
@@ -164,6 +185,9 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
     let (_, here) = on(aim.lane, aim.s);
     let own_now = own(settings, &lanes.lanes[aim.lane], &here, aim.s, velocity, wish, request);
     let Some(need) = lanes.lanes[aim.lane].need(aim.s) else { return aim };
+    if !settings.looks(request) && !settings.is_urgent(&need, aim.s, velocity) {
+        return aim;
+    }
     // Both lanes must still be side by side at the end of the change.
     let length = (velocity * settings.lane_change_duration).max(CHANGE_LENGTH_MIN);
     let beside_then = lanes.beside(aim.lane, aim.s + length, request.road);
@@ -198,7 +222,7 @@ fn choose(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim
 fn leader_beside(request: &PlanRequest, settings: &IdmMobilSettings, lanes: &Lanes, aim: Aim) -> Option<Next> {
     let velocity = request.state.velocity.max(0.0);
     let need = lanes.lanes[aim.lane].need(aim.s).filter(|need| need.changes > 0)?;
-    let is_urgent = settings.burden(&need, aim.s, velocity) > need.changes as f64 * settings.bias;
+    let is_urgent = settings.is_urgent(&need, aim.s, velocity);
     let aside = settings.idm.place.aside(request, aim.s, || lanes.lanes[aim.lane].width(aim.s, request.road));
     if !is_urgent || (aim.d - aside).abs() > SETTLED_OFFSET {
         return None;
