@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from windows import window
 
 import interdrive as idr
 from interdrive import InputError, ResultsError
@@ -135,6 +136,36 @@ def test_who_has_its_gap_behind_a_recorded_leader_keeps_its_speed_in_the_improve
     assert kept == pytest.approx(18.0, abs=1e-9), "m/s"
     _, lost = Following(steady, 0).driven(alike)
     assert lost[..., -1].max() < 17.5
+
+
+def _settled(folder):
+    """The file of a motorway on which planted drivers have followed each other for a minute, and do so for another."""
+    random = np.random.default_rng(3)
+    cars = []
+    for lane in range(2):
+        x = np.concatenate(([0.0], np.cumsum(24.0 + 8.0 * random.random(24))))
+        speeds = [17.0] * 24 + [14.0]
+        cars += [Car(101 + 100 * lane + i, x[i], 3.5 * lane, speeds[i]) for i in range(25)]
+    scenario = world(straight_road(3140.0, 2), cars=cars, steps=600, dt=0.2, name="DEU_Motorway-1_1_T-1")
+    settings = {"goal.information": "turns", "step.max_steps": 600, "record.violations": False}
+    drivers = population("planted", {**PLANTED, "time_gap.sd": 0.4, "desired_factor.sd": 0.05, "noise": 0.25})
+    run = idr.simulate(scenario, planner={"planner": "idm", "drivers": drivers}, settings=settings, seed=3)
+    obstacles, found = scenario.obstacles, run.states
+    tables = {name: getattr(obstacles, name)[:, : found.x.shape[1]] for name in ("acceleration", "yaw_rate")}
+    tables |= {name: getattr(found, name) for name in ("x", "y", "orientation", "velocity")}
+    driven = replace(scenario, obstacles=replace(obstacles, **tables))
+    path = folder / "DEU_Motorway-1_1_T-1.xml"
+    idr.write_scenario(window(driven, 300, found.x.shape[1] - 1, name=path.stem), path)
+    return path
+
+
+@pytest.mark.long
+def test_seconds_show_how_planted_drivers_waver_but_not_how_they_differ(tmp_path):
+    found = idr.calibrate(_settled(tmp_path), out=tmp_path / "fit", stage="A", evaluations=300, rollouts=1)
+    assert found.values["noise"] == pytest.approx(0.25, abs=0.05), "m/s²"
+    assert not found.ranges["time_gap.sd"].is_identified
+    assert not found.ranges["desired_factor.sd"].is_identified
+    assert found.values["time_gap_kept"] > 0.3, "who shows a short headway at the start has a short time gap"
 
 
 def test_numbers_that_fits_do_not_agree_on_are_not_identified():
