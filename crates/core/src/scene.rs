@@ -240,7 +240,7 @@ impl Scene {
     /// Rows that the participant in a row sees, ascending, without that row.
     pub fn visible_from(&self, row: usize, limits: &ViewLimits) -> Vec<usize> {
         let mut visible = Vec::new();
-        self.see(row, limits, &self.position_index(), &mut visible);
+        self.see(row, limits, &self.position_index(1), &mut visible);
         visible.into_iter().map(|place| self.present[place]).collect()
     }
 

@@ -3,8 +3,9 @@
 use super::{Participants, Scene};
 use crate::geometry::Point;
 
-/// From this many participants on it takes less time to look for those near by than to look at all.
+/// From this many participants, and this many who look, on it takes less time to put them in order than to look at all.
 const ORDERED_FROM: usize = 48;
+const VIEWERS_FROM: usize = 6;
 /// Up to this many places are put in order by marks.
 const MARKED_MAX: usize = 2048;
 /// Rounding of a position, and of the distance between two [m].
@@ -23,18 +24,20 @@ pub(crate) struct PositionIndex {
 }
 
 impl PositionIndex {
-    /// Puts other positions in the place of those that it has, of the participants in the rows that are present.
+    /// Puts other positions in the place of those that it has, of the participants in the rows that are present, for so
+    /// many who look around.
     pub(crate) fn write(
         &mut self,
         participants: &Participants,
         present: &[usize],
         positions: impl Iterator<Item = Point>,
+        viewers: usize,
     ) {
         self.positions.clear();
         self.positions.extend(positions);
         self.n_present = self.positions.len();
         self.by_x.clear();
-        if self.n_present >= ORDERED_FROM {
+        if self.n_present >= ORDERED_FROM && viewers >= VIEWERS_FROM {
             self.by_x.extend(self.positions.iter().map(|position| position.x).zip(0..));
             self.by_x.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
             let still = present.iter().filter(|row| participants.is_static[**row]);
@@ -71,11 +74,11 @@ impl PositionIndex {
 }
 
 impl Scene {
-    /// Where the participants present are.
-    pub(crate) fn position_index(&self) -> PositionIndex {
+    /// Where the participants present are, for so many who look around.
+    pub(crate) fn position_index(&self, viewers: usize) -> PositionIndex {
         let mut index = PositionIndex::default();
         let positions = self.present.iter().map(|row| self.state(*row).pose().position);
-        index.write(&self.participants, &self.present, positions);
+        index.write(&self.participants, &self.present, positions, viewers);
         index
     }
 }
@@ -119,15 +122,22 @@ mod tests {
         };
         let limits = ViewLimits::default();
         let position = |row: usize| scene.state(row).pose().position;
+        let mut index = scene.position_index(n);
+        assert!(!index.by_x.is_empty());
+        // What an agent was told of is not seen.
+        index.positions.push(position(0));
+        let mut seen = Vec::new();
         for row in 0..n {
-            let near = |other: &usize| {
-                *other != row && scene.participants.is_near(*other, position(*other), position(row), &limits)
+            let is_near = |other: usize, limits| {
+                other != row && scene.participants.is_near(other, position(other), position(row), limits)
             };
-            let all: Vec<usize> = (0..n).filter(near).collect();
-            assert_eq!(scene.visible_from(row, &limits), all, "from {row}");
+            let all: Vec<usize> = (0..n).filter(|other| is_near(*other, &limits)).collect();
+            scene.see(row, &limits, &index, &mut seen);
+            assert_eq!(seen, all, "from {row}");
+            assert_eq!(scene.visible_from(row, &limits), all, "alone, from {row}");
             assert!(all.len() < n / 4, "{} of {n}", all.len());
         }
-        let everywhere = ViewLimits { sensor_radius: f64::INFINITY, ..limits };
-        assert_eq!(scene.visible_from(0, &everywhere).len(), n - 1);
+        scene.see(0, &ViewLimits { sensor_radius: f64::INFINITY, ..limits }, &index, &mut seen);
+        assert_eq!(seen.len(), n - 1);
     }
 }

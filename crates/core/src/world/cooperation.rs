@@ -164,7 +164,7 @@ impl World {
             observers.push(Observer { id: *id, place, row: drive.row, view, bar });
         }
         let table = completed(predictions, scene);
-        let index = scene.position_index();
+        let index = scene.position_index(self.drives.len());
         let look = |i: usize| _ = self.sight(found[i].1, scene, &index);
         if observers.iter().any(|observer| observer.view.occlusion) {
             self.threads.each(found.len(), |_, i| look(i));
@@ -195,7 +195,11 @@ impl World {
         if network.settings().negotiate {
             self.agreements_now(orders).for_each(|agreement| network.note_agreement(agreement));
         }
-        let scene = network.settings().cpm.then(|| self.scene_with_past(OBSERVED));
+        let scene = network.settings().cpm.then(|| {
+            let scene = self.scene_with_past(OBSERVED);
+            let index = scene.position_index(self.drives.len());
+            (scene, index)
+        });
         let request = |drive: &Drive| {
             let place = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok()?;
             network.settings().negotiate.then(|| orders[place].memory)
@@ -213,7 +217,7 @@ impl World {
         (place, drive): (usize, &'a Drive),
         plans: &Plans,
         request: Option<Memory>,
-        scene: Option<&Scene>,
+        seen_in: Option<&(Scene, PositionIndex)>,
     ) -> Speaker<'a> {
         let (plan, made) = drive.plan.as_ref().expect("a driving agent has a plan");
         let from = ((self.time_step - made) as usize).min(plan.points.len() - 1);
@@ -228,7 +232,7 @@ impl World {
             request,
             path: &drive.agent.route.path,
             rear_s: drive.s + drive.agent.vehicle.rear_axle_to_center - 0.5 * drive.agent.vehicle.length,
-            objects: scene.map_or_else(Vec::new, |scene| self.objects(scene, drive)),
+            objects: seen_in.map_or_else(Vec::new, |(scene, index)| self.objects(scene, index, drive)),
         }
     }
 
@@ -268,7 +272,7 @@ impl World {
     /// ledgers are filled with what they see and what they were told.
     pub(super) fn agree(&self, traffic: &Traffic<'_>, rows: &[usize], scene: &Scene, orders: &mut Vec<Order>) {
         let Some(network) = self.network.as_deref().filter(|network| network.settings().negotiate) else { return };
-        let index = scene.position_index();
+        let index = scene.position_index(self.drives.len());
         let mut strips: Strips = vec![None; network.ids().len()];
         for (place, drive) in self.talking().filter(|(_, drive)| !self.reverses(drive)) {
             let body = |row: usize| rows.binary_search(&row).ok();
@@ -434,7 +438,7 @@ impl World {
     }
 
     /// What an agent's sensors see, as it tells others.
-    fn objects(&self, scene: &Scene, drive: &Drive) -> Vec<Object> {
+    fn objects(&self, scene: &Scene, index: &PositionIndex, drive: &Drive) -> Vec<Object> {
         let participants = &scene.participants;
         let object = |place: &usize| {
             let row = scene.present[*place];
@@ -442,6 +446,6 @@ impl World {
             let extent = participants.shape[row].extent();
             Object::rounded(participants.ids[row], participants.kind[row], &state, extent, participants.is_static[row])
         };
-        self.sight(drive, scene, &scene.position_index()).iter().map(object).collect()
+        self.sight(drive, scene, index).iter().map(object).collect()
     }
 }

@@ -81,7 +81,7 @@ impl World {
         if !self.are_two_near(&standing) {
             return found;
         }
-        let crowd = Crowd::of(scene);
+        let crowd = Crowd::of(scene, 0);
         let narrow = |(place, drive): (usize, &Option<&'a Drive>)| {
             let drive = (*drive).filter(|drive| self.is_near(drive, &standing))?;
             let others: Vec<Other<'_>> = seen[place].iter().map(|other| crowd.all[*other]).collect();

@@ -159,7 +159,7 @@ impl World {
             }
             bodies.push(Body { id: self.participants.ids[row], length, velocity, places });
         }
-        let index = scene.position_index();
+        let index = scene.position_index(driving().count());
         let mut seen = vec![Vec::new(); rows.len()];
         let place_of: Vec<usize> =
             rows.iter().map(|row| scene.present.binary_search(row).expect("it is present")).collect();

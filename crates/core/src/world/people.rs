@@ -71,7 +71,7 @@ impl World {
         if people.iter().all(Option::is_none) {
             return Vec::new();
         }
-        let index = scene.position_index();
+        let index = scene.position_index(near.len());
         let mut visible = Vec::new();
         let mut waits = Vec::new();
         for drive in near {

@@ -30,7 +30,7 @@ impl World {
     pub(super) fn plan(&self, scene: &Scene, expected: &Expected, plans: &mut Plans) -> Result<()> {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
-        let (crowd, predictions) = &Crowd::expected(scene, expected);
+        let (crowd, predictions) = &Crowd::expected(scene, expected, self.drives.len());
         let prediction_index = PredictionIndex::of(predictions, &crowd.index.positions);
         let expected: (&Predictions, _) = (predictions, &prediction_index);
         let drives: Vec<&Drive> = self.drives.iter().filter(|drive| drive.is_driving(self.time_step)).collect();
@@ -77,7 +77,7 @@ impl World {
         if !drive.agent.planner.chooses() || !drive.is_driving(self.time_step) {
             return Ok(None);
         }
-        let (crowd, table) = &Crowd::expected(scene, expected);
+        let (crowd, table) = &Crowd::expected(scene, expected, 1);
         let (mut visible, mut others) = (Vec::new(), Vec::new());
         crowd.see(drive, scene, &mut visible, &mut others);
         let perceived = crowd.perceive(drive, scene, table, &visible, &mut others);
@@ -252,7 +252,8 @@ pub(super) struct Crowd<'a> {
 }
 
 impl<'a> Crowd<'a> {
-    pub(super) fn of(scene: &'a Scene) -> Self {
+    /// As so many of them look at it.
+    pub(super) fn of(scene: &'a Scene, viewers: usize) -> Self {
         let participants = &scene.participants;
         let other = |(place, row): (usize, &usize)| Other {
             row: place,
@@ -263,12 +264,16 @@ impl<'a> Crowd<'a> {
             is_static: participants.is_static[*row],
             kind: participants.kind[*row],
         };
-        Self { index: scene.position_index(), all: scene.present.iter().enumerate().map(other).collect(), told: None }
+        Self {
+            index: scene.position_index(viewers),
+            all: scene.present.iter().enumerate().map(other).collect(),
+            told: None,
+        }
     }
 
     /// The same with what agents were told, and predictions for all of them.
-    fn expected(scene: &'a Scene, expected: &'a Expected) -> (Self, Cow<'a, Predictions>) {
-        let mut crowd = Self::of(scene);
+    fn expected(scene: &'a Scene, expected: &'a Expected, viewers: usize) -> (Self, Cow<'a, Predictions>) {
+        let mut crowd = Self::of(scene, viewers);
         let Some(told) = &expected.told else { return (crowd, completed(&expected.predictions, scene)) };
         crowd.index.positions.extend(told.extras.iter().map(|extra| extra.state.pose().position));
         (Self { told: Some(told), ..crowd }, Cow::Borrowed(&told.table))

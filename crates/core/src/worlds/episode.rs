@@ -363,7 +363,7 @@ impl Episode {
             self.step.begin_unseen(&self.world);
             present_bodies(participants, self.world.present(), dt, present, bodies);
         }
-        index.write(participants, present, bodies.iter().map(|body| body.position));
+        index.write(participants, present, bodies.iter().map(|body| body.position), self.learners.len());
         // Those that have just ended are not present any more, but their bodies are what others may have hit.
         for learner in self.learners.iter().filter(|learner| learner.is_driving) {
             let driver = self.world.driver(learner.agent);
