@@ -104,6 +104,20 @@ def test_a_benchmark_of_passages_has_a_column_for_each_kind_of_traffic(tmp_path,
     assert again["idm"].number == idm.number and again["idm"].columns == idm.columns
 
 
+def test_a_table_for_a_paper_has_the_weighted_number_beside_the_score(tmp_path, windows, monkeypatch):
+    chosen = a_set(windows, (8, 20, 90), weights={"motorway": 1.0}, traffic=("recorded", "velocity_adjusting", "idm"),
+                   counted=("velocity_adjusting", "idm"))  # fmt: skip
+    monkeypatch.setattr(run, "read_set", lambda _: chosen)
+    found = idr.benchmark(
+        "idm", scenarios=windows[0].parent, predictor="constant_velocity", out=tmp_path / "out", workers=1, panel="none"
+    )
+    head, _, row, *_, caption = (tmp_path / "out" / "paper.md").read_text(encoding="utf-8").splitlines()
+    cells = dict(zip(*([cell.strip() for cell in line.split("|")] for line in (head, row)), strict=True))
+    assert cells["number"] == f"{found.score:.1f}"
+    assert cells["score"] == f"{found.table[0].score:.1f}"
+    assert "Number: with the weights of classes, mean over the traffic that counts; other columns: among" in caption
+
+
 def test_traffic_may_be_any_native_planner(tmp_path):
     idr.batch(
         ["t_junction"], tmp_path / "out", planner="idm", predictor="constant_velocity", traffic="lawful", agents=1,

@@ -176,14 +176,29 @@ def with_totals(made: Sequence[Row], ranking: Ranking, *, is_weighted: bool) -> 
     return found
 
 
-def paper(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFile], about: str) -> PaperTable:
-    """The table for a paper: planners among reacting traffic, over the agents that all of them can drive."""
+def paper(
+    rows: Mapping[str, Any],
+    labels: Sequence[str],
+    there: Sequence[SetFile],
+    about: str,
+    numbers: Mapping[str, float] | None = None,
+) -> PaperTable:
+    """The table for a paper: planners among reacting traffic, over the agents that all of them can drive.
+
+    Args:
+        rows: Of the batch.
+        labels: The planners.
+        there: The files.
+        about: What was driven, and the command, for the caption.
+        numbers: The number of each planner in sets that weight classes, which differs from its score.
+    """
     labels = [label for label in labels if label != _HUMAN]
     own = {label: _own(rows, label, there) for label in labels}
     common = {file.sha256: set.intersection(*(agents[file.sha256] for agents in own.values())) for file in there}
     scores = [_scores(rows, label, there, common, only=True)[REACTIVE] for label in labels]
     every = [_row(rows, label, ALL, there, own[label], common) for label in labels]
     further = {
+        **({"number": numbers} if numbers else {}),
         "NR": {row.planner: row.common_non_reactive for row in every},
         "hindrance": {row.planner: 100.0 * row.hindrance for row in every},
         "hits per 100": {row.planner: row.hits for row in every},
@@ -191,6 +206,9 @@ def paper(rows: Mapping[str, Any], labels: Sequence[str], there: Sequence[SetFil
         "jerk": {row.planner: row.jerk for row in every},
         "plan ms": {row.planner: row.plan_ms for row in every},
     }
+    if numbers:
+        weighted = "Number: with the weights of classes, mean over the traffic that counts"
+        about = f"{about.rstrip('.')}. {weighted}; other columns: among {REACTIVE}, NR among replayed traffic"
     return paper_table(scores, {file.sha256: file.place for file in there}, about, further)
 
 

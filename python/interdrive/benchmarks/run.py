@@ -196,7 +196,8 @@ def benchmark(
     tables = {"ranking": ranking_tables(ranking, chosen, driven, about)}
     humans = [label for label in labels if label == "recorded"]
     if len(humans) < len(labels) and {NON_REACTIVE, REACTIVE} <= {*driven}:
-        tables["paper"] = [paper(rows, [label for label in labels if label not in humans], there, about)]
+        numbers = {one.planner: one.number for one in ranking.ranks} if chosen.weights else None
+        tables["paper"] = [paper(rows, [label for label in labels if label not in humans], there, about, numbers)]
     for name, parts in tables.items():
         texts = {"md": "\n".join(one.markdown() for one in parts), "tex": "\n".join(one.latex() for one in parts)}
         for ending, text in texts.items():
