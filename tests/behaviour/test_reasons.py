@@ -115,6 +115,27 @@ def test_a_stop_without_a_vehicle_ahead_says_so():
     assert ended(scenario, Stopping) == ("time_limit", reason)
 
 
+@pytest.mark.parametrize(
+    ("share", "status", "words"),
+    [
+        (0.7, "planned", "as quicker plans were rejected: collision with 7"),
+        (0.3, "planned", "as planned"),
+        # For less than a second in a row, which is no stretch without a safer plan.
+        (0.7, "emergency_braking", "as planned"),
+    ],
+)
+def test_quicker_plans_have_to_be_rejected_at_most_of_the_steps_of_a_stop(share, status, words):
+    run = simulate(on_a_road(Car(7, 10.0), velocity=0.0, time_step=(0, 40)), planner=Stopping, threads=1)
+    is_rejected = np.arange(len(run.plans.status)) % 10 < 10 * share
+    plans = replace(
+        run.plans,
+        status=np.where(is_rejected, PLAN_STATUS.index(status), PLAN_STATUS.index("planned")),
+        rejection=tuple("collision with 7" if each else "" for each in is_rejected),
+    )
+    (reason,) = reasons(replace(run, plans=plans), None)
+    assert f"stood for 6.8 s without a vehicle ahead, {words}; 35.0 m before" in reason
+
+
 def test_times_without_an_admissible_sample_say_what_rejected_most_samples(tmp_path):
     # An oncoming car creeps up to the standing agent, whose front is at 22.3 m.
     scenario = on_a_road(Car(7, 31.0, velocity=0.5, orientation=np.pi), velocity=0.0, time_step=(0, 40))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from interdrive import _core
+from interdrive.run.arrays import PLAN_STATUS
 from interdrive.run.contact import contact_between
 from interdrive.run.goals import approach, inside, said_seconds, said_time
 from interdrive.run.phases import emergency_steps, phases
@@ -232,11 +233,16 @@ def said_stop(run: RunRecord, agent_id: int, stop: Phase) -> str:
 
 
 def said_plans(run: RunRecord, agent_id: int, stop: Phase) -> str:
-    """Why an agent stood by its plans: it had no safer ones, quicker ones were rejected, or it was as planned."""
+    """Why an agent stood by its plans: no safer ones, quicker ones rejected most of the time, or as planned."""
     if none := no_safer_plan(run, agent_id, stop.first_time_step, stop.last_time_step):
         return f": {none}"
-    why = said_obstruction(run, agent_id, np.arange(stop.first_time_step, stop.last_time_step + 1))
-    return f", as quicker plans were rejected: {why}" if why else ", as planned"
+    plans, planned = run.plans, PLAN_STATUS.index("planned")
+    within = (plans.time_step >= stop.first_time_step) & (plans.time_step <= stop.last_time_step)
+    rows = np.flatnonzero((plans.agent_id == agent_id) & within & (plans.status == planned))
+    held = plans.time_step[[row for row in rows.tolist() if plans.rejection[row]]]
+    if 2 * len(held) < stop.n_steps:
+        return ", as planned"
+    return f", as quicker plans were rejected: {said_obstruction(run, agent_id, held)}"
 
 
 def said_line(phase: Phase) -> str:
