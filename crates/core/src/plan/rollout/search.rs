@@ -19,6 +19,8 @@ use super::{DANGER_COST, RolloutMemory};
 const RETURN_TIME: f64 = 2.5;
 /// Plans that cost more than this in the lane look beside its middle.
 const HELD_UP_COST: f64 = 1.0;
+/// A plan is better than another one if it costs less by this.
+const BETTER_COST: f64 = 1.0;
 /// Ways beside the middle of the lane [m].
 const ASIDE: [f64; 4] = [0.5, -0.5, 1.0, -1.0];
 /// A way that is further from where the agent is may be taken gently or quickly [m].
@@ -84,6 +86,8 @@ pub(super) struct Best {
     pub(super) is_emergency: bool,
     pub(super) rollout: Rollout,
     pub(super) contact: Option<Contact>,
+    /// What it costs without what is near it.
+    alone: f64,
     /// What a better plan would touch.
     pub(super) held: Option<Held>,
     /// Desired speed on a free and straight road [m/s].
@@ -95,8 +99,8 @@ pub(super) struct Best {
 /// A roll-out that was not taken because of a contact, or because it leaves the road.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Held {
-    /// What it would cost otherwise.
-    cost: f64,
+    /// What it costs without what is near it.
+    alone: f64,
     pub(super) contact: Contact,
     /// Where it is then.
     pub(super) point: DrivenPoint,
@@ -118,7 +122,7 @@ pub(super) struct Search<'a> {
     /// A roll-out left the road.
     is_narrow: bool,
     best: Option<Best>,
-    /// Of the roll-outs that touch something the one that would cost least otherwise.
+    /// Of the roll-outs that touch something, or leave the road, the one that would cost least otherwise.
     held: Option<Held>,
 }
 
@@ -190,7 +194,7 @@ impl<'a> Search<'a> {
 
     fn end(self) -> Best {
         let best = self.best.expect("an agent can always brake");
-        Best { held: self.held.filter(|held| held.cost + HELD_UP_COST < best.cost), ..best }
+        Best { held: self.held.filter(|held| held.alone + BETTER_COST < best.alone), ..best }
     }
 
     /// Drives back, whatever else was better.
@@ -209,6 +213,7 @@ impl<'a> Search<'a> {
             is_emergency: false,
             rollout,
             contact: None,
+            alone: cost,
             held: None,
             wish: self.task.wish,
             way: 0.0,
@@ -463,18 +468,17 @@ impl<'a> Search<'a> {
         let evaluated = Evaluated { rollout: &rollout, terms, cost, pace: proposal.pace, contact: first };
         self.memory.log.record(request, &evaluated);
         self.is_narrow |= off_road.is_some();
-        if let Some(contact) = first {
-            terms[8..].fill(0.0);
-            let cost = price(&terms);
-            if self.held.is_none_or(|held| cost < held.cost) {
-                self.held = Some(Held { cost, contact, point: rollout.points[contact.point] });
-            }
+        // What is near counts from the nearness on.
+        terms[7..].fill(0.0);
+        let alone = price(&terms);
+        if let Some(contact) = first.filter(|_| self.held.is_none_or(|held| alone < held.alone)) {
+            self.held = Some(Held { alone, contact, point: rollout.points[contact.point] });
         }
         if cost < self.cost() {
             let is_emergency = proposal.is_emergency;
             let way = proposal.speeds.s - self.task.start.s;
             let (rollout, wish) = (rollout.clone(), self.task.wish);
-            let best = Best { cost, is_emergency, rollout, contact: first, held: None, wish, way };
+            let best = Best { cost, is_emergency, rollout, contact: first, alone, held: None, wish, way };
             self.best = Some(best);
         }
         self.memory.rollout = rollout;

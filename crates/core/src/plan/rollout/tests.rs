@@ -255,6 +255,24 @@ fn the_chosen_candidate_is_the_plan() {
     assert!(found.cost.iter().zip(&found.rejection).all(|(cost, why)| *cost >= result.cost || !why.is_empty()));
 }
 
+#[test]
+fn a_plan_names_what_a_better_one_would_touch_and_not_what_it_touches_itself() {
+    let rejection = |drive: &Drive| {
+        let result = planned(drive);
+        assert_eq!(result.status, PlanStatus::Planned);
+        result.obstruction.map(|obstruction| obstruction.rejection)
+    };
+    let standing = in_a_lane(3.5, 0.0);
+    let x = standing.state.x;
+    assert_eq!(rejection(&standing), None);
+    // From the left, 6 m ahead: who drives off at once meets it.
+    let crosses = standing.clone().with_cars(vec![Car::at(x + 6.0, 7.1, -0.5 * PI, 2.0)]);
+    assert_eq!(rejection(&crosses).as_deref(), Some("collision with 100"));
+    // Towards it in its lane: it is touched even where it stands.
+    let comes = standing.with_cars(vec![Car::at(x + 7.1, 0.0, PI, 1.0)]);
+    assert_eq!(rejection(&comes), None);
+}
+
 /// Close behind a car that has broken down, with room beside it.
 fn behind_a_broken_down_car(gap: f64) -> Drive {
     let mut drive = in_a_lane(8.0, 0.0);
