@@ -360,9 +360,9 @@ def _in_waves(seconds):
     return replace(scenario, obstacles=replace(scenario.obstacles, x=x, velocity=velocity))
 
 
-def _changes(scenario, words):
+def _changes(scenario, words, **settings):
     """When agent 3 passes the line between the lanes [s]."""
-    settings = {"goal.information": "turns"}
+    settings = {"goal.information": "turns"} | {name.replace("__", "."): value for name, value in settings.items()}
     run = idr.simulate(scenario, agents=[3], planner=f"idm_mobil,driver.desired_factor=1.2{words}", settings=settings)
     y = run.states.y[list(run.states.participant_id).index(3)]
     return 0.1 * np.flatnonzero(np.diff(y[np.isfinite(y)] > 1.75))
@@ -376,6 +376,16 @@ def test_who_looks_for_a_better_lane_now_and_then_does_not_go_back_at_once():
     assert 1 <= len(sometimes) < len(always) / 2
     # One look is 20 s after the other, and a change takes as long as the one before.
     assert np.diff(sometimes).min(initial=20.0) > 19.0, "s"
+
+
+@pytest.mark.parametrize("shift", [0.0, 1.0, 2.0])
+def test_a_look_that_is_due_between_two_plans_is_made_with_the_next_one(shift):
+    scenario = _in_waves(90)
+    x = scenario.obstacles.x.copy()
+    # Where it enters decides when it looks.
+    x[2] += shift
+    scenario = replace(scenario, obstacles=replace(scenario.obstacles, x=x))
+    assert len(_changes(scenario, ",looking_interval=10", step__replan_every=5)) >= 1
 
 
 @pytest.mark.parametrize("start", [30.0, 33.0, 36.0, 39.0])

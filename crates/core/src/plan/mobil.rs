@@ -62,7 +62,8 @@ impl IdmMobilSettings {
         own.1 - own.0 + self.politeness * others + bias > self.changing_threshold
     }
 
-    /// It looks for a better lane at this step. Each agent has steps of its own, which follow from where it entered.
+    /// It looks for a better lane at this step. Each agent has steps of its own, which follow from where it entered; a look
+    /// that was due since the last plan is made now.
     fn looks(&self, request: &PlanRequest) -> bool {
         let steps = (self.looking_interval / request.dt).round() as i64;
         if steps <= 1 {
@@ -71,7 +72,7 @@ impl IdmMobilSettings {
         let State { x, y, .. } = request.entry;
         let mixed = (x.to_bits() ^ y.to_bits().rotate_left(32)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let own = ((mixed >> 33) as i64).wrapping_add(self.idm.place.wavering.noise_seed as i64);
-        (request.time_step + own).rem_euclid(steps) == 0
+        (request.time_step + own).rem_euclid(steps) < request.previous_age.max(1) as i64
     }
 
     /// It has to change soon in a lane with this need.
