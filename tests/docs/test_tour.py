@@ -106,7 +106,7 @@ def test_the_planner_of_the_reader_keeps_the_contract(tmp_path):
     assert PYTHON[3:] == PYTHON[3:4], "an example that no test looks at"
     ends = ast.literal_eval(printed(PYTHON[3], tmp_path))
     assert ends["an empty road"] == "goal_reached"
-    assert len(ends) == 6
+    assert len(ends) == 7
     assert "planner_error" not in ends.values()
 
 
