@@ -59,7 +59,7 @@ class WindowMeasures:
         distance: Distance of the first rollout's positions [m], shape (horizons, n).
         samples: Values of `QUANTITIES` at points where the recording goes on.
         lane_changes: At these points.
-        lag_gaps: At lane changes the gap of whoever is behind in the new lane [m], of those that have somebody behind.
+        lag_gaps: Gap of the follower in the new lane at lane changes that have one [m].
         way: Length of all steps to these points [m].
         standing: Number of these points at which a vehicle stands.
         points: Number of these points.

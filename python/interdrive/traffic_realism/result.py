@@ -58,7 +58,7 @@ ROW_COLUMNS = (
     ),
     _number("lane_changes", "lane changes", "1/km"),
     _number("lag_gap", "median gap to whoever is behind in the new lane, at lane changes", "m", "nobody was behind"),
-    Column("lag_gaps", "integer", "lane changes with somebody behind; below 100 they decide nothing"),
+    Column("lag_gaps", "integer", "lane changes with a follower; below 100 they decide nothing"),
     _number("standing", "share of points at which a vehicle stands", "1"),
     _number("braked", "judged vehicles of 100 that brake harder than 4 m/s² in the first 3 s", "1", _NOT_DRIVEN),
     _number("collisions", "vehicles of 100 that hit another participant", "1", _NOT_DRIVEN),

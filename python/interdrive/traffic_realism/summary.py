@@ -61,7 +61,7 @@ class Row:
         auc: How well a classifier tells the row from the recording, by set of features.
         lane_changes: Per kilometre.
         lag_gap: Median gap to whoever is behind in the new lane, at lane changes [m].
-        lag_gaps: Number of lane changes with somebody behind; below 100 they decide nothing.
+        lag_gaps: Number of lane changes with a follower; below 100 they decide nothing.
         standing: Share of points at which a vehicle stands.
         braked: Judged vehicles of 100 that braked harder than 4 m/s² in the first 3 s.
         collisions: Vehicles of 100 that hit another participant.
