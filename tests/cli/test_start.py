@@ -32,6 +32,20 @@ from interdrive.__main__ import start
 start()
 """
 
+#: Runs a command and tells what was loaded by it.
+TO_THE_END = """
+import sys, os
+sys.argv = ["interdrive", *sys.argv[1:]]
+from interdrive.__main__ import start
+try:
+    start()
+except SystemExit as end:
+    print()
+    print(*sys.modules)
+    sys.stdout.flush()
+    os._exit(end.code or 0)
+"""
+
 
 def loaded(code: str, *arguments: str) -> set[str]:
     words = [sys.executable, "-c", code, *arguments]
@@ -67,6 +81,25 @@ def test_nothing_is_loaded_before_the_first_step_that_only_the_end_needs(tmp_pat
     assert packages(found) & HEAVY == set()
     assert found & SLOW == set()
     assert not any(name.startswith("interdrive.plots") for name in found)
+
+
+def test_no_command_that_writes_or_reads_tables_loads_pandas(tmp_path):
+    """pyarrow imports it with most conversions, where it is installed: half a second."""
+    pytest.importorskip("pandas")
+    made = str(tmp_path / "made")
+    for words in (
+        ("run", "t_junction", "--agents", "2001", "--planner", "idm", "--out", made),
+        ("explain", made, "2001"),
+        ("score", made),
+        ("criticality", made),
+        ("verify", made),
+        ("batch", "t_junction", "--planner", "idm,lawful", "--agents", "2", "--out", f"{made}_many"),
+        ("compare", f"{made}_many"),
+        ("report", made, "--out", f"{made}.html"),
+    ):
+        found = loaded(TO_THE_END, *words)
+        assert "pyarrow.parquet" in found, words
+        assert "pandas" not in found, words
 
 
 @pytest.mark.parametrize(

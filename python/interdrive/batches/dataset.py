@@ -15,6 +15,7 @@ from interdrive.batches.columns import COLUMNS, TRAFFIC_COLUMNS
 from interdrive.errors import ResultsError
 from interdrive.scoring import FORMER_COLUMNS, SCORE_COLUMNS
 from interdrive.storage import Origin, check_values, replacing, schema_of
+from interdrive.storage.arrow_arrays import texts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -120,7 +121,7 @@ def read_run(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """
     check_key(path.stem, path)
     table = read(path, columns)
-    if "key" in table.column_names and pc.any(pc.not_equal(table["key"].cast(pa.string()), path.stem)).as_py():
+    if "key" in table.column_names and table["key"].unique().to_pylist() not in ([], [path.stem]):
         raise ResultsError(f"{path}: key: it belongs to another run; the file is damaged")
     return table
 
@@ -136,9 +137,9 @@ def n_keys(path: Path) -> int:
 
 def _chosen(table: pa.Table, keys: set[str] | None, but: set[str]) -> pa.Table:
     own = table["key"].cast(pa.string())
-    is_wanted = pc.invert(pc.is_in(own, pa.array(sorted(but), pa.string())))
+    is_wanted = pc.invert(pc.is_in(own, texts(sorted(but))))
     if keys is not None:
-        is_wanted = pc.and_(is_wanted, pc.is_in(own, pa.array(sorted(keys), pa.string())))
+        is_wanted = pc.and_(is_wanted, pc.is_in(own, texts(sorted(keys))))
     return table.filter(is_wanted)
 
 
@@ -160,8 +161,7 @@ def _renewed(table: pa.Table, columns: Sequence[str]) -> pa.Table:
     """Columns of this version from a file of the format before; what that did not have is null."""
     schema = pa.schema([_schema().field(name) for name in columns])
     values = [
-        table[_source(field.name)] if _source(field.name) else pa.array([None] * table.num_rows, field.type)
-        for field in schema
+        table[_source(field.name)] if _source(field.name) else pa.nulls(table.num_rows, field.type) for field in schema
     ]
     return pa.table(values, schema=schema)
 
@@ -185,12 +185,12 @@ def streamed(path: Path) -> ds.Dataset | pa.Table:
 
 def key_table(keys: set[str]) -> pa.Table:
     """A table with the column `key` alone."""
-    return pa.table({"key": pa.array(sorted(keys), pa.string())})
+    return pa.table({"key": texts(sorted(keys))})
 
 
 def joined(tables: Sequence[pa.Table], columns: Sequence[str] | None = None) -> pa.Table:
     """Tables below each other."""
-    empty = _schema().empty_table()
+    empty = pa.Table.from_batches([], _schema())
     return pa.concat_tables([empty.select(columns or empty.column_names), *tables]).unify_dictionaries()
 
 
@@ -252,7 +252,7 @@ def _checked(table: pa.Table, path: Path) -> pa.Table:
         for key in pc.unique(table["key"].cast(pa.string())).to_pylist():
             check_key(key, path)
     if {"under_test", "agent_id", "outcome"} <= set(table.column_names):
-        agents = table.filter(table["under_test"].fill_null(False))
+        agents = table.filter(table["under_test"])
         for name in ("agent_id", "outcome"):
             if agents[name].null_count:
                 raise ResultsError(f"{path}: {name}: a value is missing; the file is damaged")

@@ -12,6 +12,7 @@ from interdrive.plots.style import EVENT_MARKS, OUTCOME_MARKS
 from interdrive.report.planning import made_at
 from interdrive.run import RULES
 from interdrive.run.reasons import STANDSTILL, said_rejection
+from interdrive.storage.arrow_arrays import values_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -110,9 +111,9 @@ def _emergencies(run: RunRecord, plans: ArrowTable, replan_every: int) -> Iterat
     """Plans that brake in emergency, or are none, where the plan that the agent made before was of another kind."""
     if not plans.num_rows:
         return
-    starts = np.flatnonzero(plans["point"].to_numpy() == 0)
-    status, rejection = (plans[name].to_numpy(zero_copy_only=False)[starts] for name in ("status", "rejection"))
-    agent, step = plans["agent_id"].to_numpy()[starts], plans["time_step"].to_numpy()[starts]
+    starts = np.flatnonzero(values_of(plans["point"]) == 0)
+    status, rejection = (values_of(plans[name])[starts] for name in ("status", "rejection"))
+    agent, step = (values_of(plans[name])[starts] for name in ("agent_id", "time_step"))
     length = np.diff(np.append(starts, plans.num_rows))
     for number in np.unique(agent[np.isin(status, list(_EMERGENCIES))]).tolist():
         mine = np.flatnonzero(agent == number)

@@ -10,6 +10,7 @@ import numpy as np
 from interdrive.criticality import MEASURES, evaluate
 from interdrive.criticality.tables import criticality_extremes_table, criticality_table, stored_criticality
 from interdrive.storage import is_of
+from interdrive.storage.arrow_arrays import values_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,7 +87,7 @@ def _placed(run: RunRecord, table: ArrowTable) -> _Entries:
         agent=np.searchsorted(agents, column["participant_id"][known]),
         step=column["time_step"][known] - run.states.first_time_step,
         value=column["value"][known],
-        partner=rows_of(run, table["partner_id"].fill_null(-1).to_numpy()[known]),
+        partner=rows_of(run, values_of(table["partner_id"], -1)[known]),
     )
 
 
@@ -100,4 +101,4 @@ def rows_of(run: RunRecord, ids: Ints) -> Ints:
 
 def columns_of(table: ArrowTable, names: Sequence[str]) -> dict[str, Any]:
     """Columns of an Arrow table as numpy arrays."""
-    return {name: table[name].to_numpy(zero_copy_only=False) for name in names}
+    return {name: values_of(table[name]) for name in names}

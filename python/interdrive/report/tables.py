@@ -12,6 +12,7 @@ from interdrive.report.measured import columns_of, rows_of
 from interdrive.report.planning import made_at
 from interdrive.run import PLAN_STATUS
 from interdrive.scenario.control import shown_at_lines
+from interdrive.storage.arrow_arrays import values_of
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats
@@ -83,7 +84,7 @@ def pack_plans(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable
     kept = point % stride == 0
     points = int(point[kept].max(initial=0)) // stride + 1
     order = np.lexsort((column["time_step"][starts], column["agent_id"][starts]))
-    names = table["status"].to_numpy(zero_copy_only=False)[starts].tolist()
+    names = values_of(table["status"])[starts].tolist()
     status = np.array([PLAN_STATUS.index(name) for name in names], dtype=np.int64)
     packer.add("plan_participant", rows_of(run, column["agent_id"][starts][order]), steps=True)
     packer.add("plan_step", column["time_step"][starts][order] - run.states.first_time_step, steps=True)
@@ -119,13 +120,13 @@ def pack_candidates(packer: Packer, run: RunRecord, origin: Floats, table: Arrow
     """Kept candidates, sorted by agent and time step; returns why candidates were rejected, "" first."""
     if table is None or not table.num_rows:
         return []
-    points = np.unique(table["point"].to_numpy())
+    points = np.unique(values_of(table["point"]))
     column = {
         name: values.reshape(-1, len(points))
         for name, values in columns_of(table, ("time_step", "agent_id", "cost", "chosen", "x", "y")).items()
     }
     order = np.lexsort((column["time_step"][:, 0], column["agent_id"][:, 0]))
-    texts = table["rejection"].to_numpy(zero_copy_only=False)[:: len(points)]
+    texts = values_of(table["rejection"])[:: len(points)]
     reasons = ["", *sorted(set(texts.tolist()) - {""})]
     packer.add("candidate_participant", rows_of(run, column["agent_id"][order, 0]), steps=True)
     packer.add("candidate_step", column["time_step"][order, 0] - run.states.first_time_step, steps=True)
@@ -147,7 +148,7 @@ def pack_predictions(packer: Packer, run: RunRecord, origin: Floats, table: Arro
     table = table.filter(table["sender_id"].is_null())
     if not table.num_rows:
         return
-    points = np.unique(table["point"].to_numpy())
+    points = np.unique(values_of(table["point"]))
     names = ("time_step", "participant_id", "probability", "x", "y", "variance_x", "covariance_xy", "variance_y")
     column = {name: values.reshape(-1, len(points)) for name, values in columns_of(table, names).items()}
     packer.add("prediction_step", column["time_step"][:, 0] - run.states.first_time_step, steps=True)

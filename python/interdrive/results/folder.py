@@ -11,7 +11,7 @@ from interdrive.results.information import information, origin_of_run, read_info
 from interdrive.results.tables import TABLES
 from interdrive.results.validation import check_tables
 from interdrive.storage.folders import FolderKind, check_folder, whole_folder
-from interdrive.storage.tables import read_table, schema_of, write_parquet
+from interdrive.storage.tables import empty_table, read_table, write_parquet
 from interdrive.storage.writing import resolved, write_json
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def read_results(folder: str | Path, *, in_part: bool = False) -> Results:
         if in_part and name not in ("outcomes", "states") and not path.exists():
             missing.append(name)
             if name not in ON_DEMAND:
-                tables[name] = schema_of(COLUMNS[name]).empty_table()
+                tables[name] = empty_table(COLUMNS[name])
             continue
         tables[name] = read_table(path, COLUMNS[name])
     check_tables(folder, tables, info, missing)

@@ -33,6 +33,7 @@ from interdrive.run import (
 )
 from interdrive.scenario import GoalState, Shape
 from interdrive.storage import Record
+from interdrive.storage.arrow_arrays import values_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -94,7 +95,7 @@ def read_run(folder: str | Path) -> RunRecord:
 
 def with_routes(part: RunRecord, results: Results) -> RunRecord:
     """`part`, as `read_part` gave it, with what scores need of `results`: settings, routes, violations, hits."""
-    owner, x, y = (results.routes[name].to_numpy() for name in ("agent_id", "x", "y"))
+    owner, x, y = (values_of(results.routes[name]) for name in ("agent_id", "x", "y"))
     paths = np.stack([x, y], axis=1)
     return replace(
         part,
@@ -135,7 +136,7 @@ def _predictions(table: ArrowTable) -> RecordedPredictions:
     covariance = np.full((*shape, 2, 2), np.nan)
     for name, axes in (("variance_x", [(0, 0)]), ("covariance_xy", [(0, 1), (1, 0)]), ("variance_y", [(1, 1)])):
         for i, j in axes:
-            covariance[row, point, i, j] = table[name].to_numpy()
+            covariance[row, point, i, j] = values_of(table[name])
     return RecordedPredictions.gathered(table, row, point, shape, covariance=covariance)
 
 
@@ -145,14 +146,14 @@ def _candidates(table: ArrowTable) -> RecordedCandidates:
 
 def _blocks(table: ArrowTable) -> tuple[Ints, Ints, tuple[int, int]]:
     """Row and point of each row of a table in which all rows of the record have the same points; their numbers."""
-    n, n_points = table.num_rows, len(np.unique(table["point"].to_numpy()))
+    n, n_points = table.num_rows, len(np.unique(values_of(table["point"])))
     place = np.arange(n)
     return place // max(1, n_points), place % max(1, n_points), (n // max(1, n_points), n_points)
 
 
 def stored_plans(results: Results) -> Plans:
     """The plans of a run folder as arrays; empty if the folder has none."""
-    point = results.plans["point"].to_numpy()
+    point = values_of(results.plans["point"])
     row = np.cumsum(point == 0) - 1
     return Plans.gathered(results.plans, row, point, (int(row.max(initial=-1)) + 1, int(point.max(initial=-1)) + 1))
 
@@ -191,8 +192,8 @@ _NOT_STARTED = {"kinds": "unknown", "is_agent": True, "length": 0.0, "width": 0.
 
 def _states(results: Results, scenario: Scenario) -> States:
     table = results.states
-    there, time_step = (table[name].to_numpy() for name in ("participant_id", "time_step"))
-    ids = np.union1d(there, results.outcomes["agent_id"].to_numpy())
+    there, time_step = (values_of(table[name]) for name in ("participant_id", "time_step"))
+    ids = np.union1d(there, values_of(results.outcomes["agent_id"]))
     first = int(time_step.min(initial=0)) if not len(there) else int(time_step.min())
     row, step = np.searchsorted(ids, there), time_step - first
     shape = len(ids), int(step.max(initial=-1)) + 1

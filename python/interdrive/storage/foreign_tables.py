@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from interdrive.errors import InputError
+from interdrive.storage.arrow_arrays import values_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -64,7 +65,7 @@ class ForeignTable:
         try:
             if pa.types.is_dictionary(column.type):
                 column = column.cast(column.type.value_type)
-            numbers = _values(column.cast(pa.float64(), safe=False), np.float64)
+            numbers = values_of(column.cast(pa.float64(), safe=False))
         except (pa.ArrowException, ValueError, TypeError):
             raise InputError(f"{self.file}: the column {name} has a value that is no number; correct it") from None
         return numbers
@@ -82,35 +83,18 @@ class ForeignTable:
             if pa.types.is_dictionary(column.type):
                 column = column.cast(column.type.value_type)
             if pa.types.is_floating(column.type):
-                values = _values(column, np.float64)
+                values = values_of(column.cast(pa.float64()))
                 if ((values == np.round(values)) & (np.abs(values) < 2.0**53)).all():
                     column = column.cast(pa.int64())
             encoded = column.cast(pa.large_string()).combine_chunks().dictionary_encode()
             texts = [str(text) for text in encoded.dictionary.to_pylist()]
-            rows = _values(encoded.indices, np.int32)
+            rows = values_of(encoded.indices, -1)
         except (pa.ArrowException, ValueError, TypeError):
             raise InputError(f"{self.file}: the column {name} is no text; correct it") from None
-        if np.isnan(rows).any():
+        if (rows < 0).any():
             texts = texts if "" in texts else [*texts, ""]
-            rows[np.isnan(rows)] = texts.index("")
+            rows[rows < 0] = texts.index("")
         return tuple(texts), rows.astype(np.int64)
-
-
-def _values(column: pa.ChunkedArray | pa.Array, kind: type[np.float64 | np.int32]) -> Floats:
-    """A column of Arrow as numbers, nan where it has nothing. Its own method imports pandas, which takes a second."""
-    array = column.combine_chunks() if hasattr(column, "chunks") else column
-    if kind is np.float64 and str(array.type) != "double":
-        array = array.cast("double")
-    n = len(array)
-    if n == 0:
-        return np.zeros(0)
-    validity, content = array.buffers()
-    size = np.dtype(kind).itemsize
-    values = np.frombuffer(content, dtype=kind, count=n, offset=size * array.offset).astype(np.float64)
-    if validity is not None:
-        bits = np.unpackbits(np.frombuffer(validity, dtype=np.uint8), bitorder="little")
-        values[bits[array.offset : array.offset + n] == 0] = np.nan
-    return values
 
 
 def foreign_table(data: bytes, file: str, columns: Sequence[str] = ()) -> ForeignTable:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from interdrive.errors import ResultsError
+from interdrive.storage.arrow_arrays import numbers, texts, truths, values_of
 from interdrive.storage.names import readable
 from interdrive.storage.origin import UNIT, units_of
 from interdrive.storage.writing import one_line
@@ -37,7 +38,12 @@ def joined_tables(columns: Sequence[Column], tables: Sequence[pa.Table]) -> pa.T
     """Tables with the given columns one below the other; without any, a table without rows."""
     import pyarrow as pa  # noqa: PLC0415
 
-    return pa.concat_tables([schema_of(columns).empty_table(), *tables]).unify_dictionaries()
+    return pa.concat_tables([empty_table(columns), *tables]).unify_dictionaries()
+
+
+def empty_table(columns: Sequence[Column]) -> pa.Table:
+    """A table with the given columns and no rows."""
+    return arrow_table(columns, {column.name: () for column in columns})
 
 
 def _array(values: Any, column: Column, field: pa.Field) -> pa.Array:  # noqa: ANN401 - array or sequence
@@ -49,14 +55,24 @@ def _array(values: Any, column: Column, field: pa.Field) -> pa.Array:  # noqa: A
         if column.coded and column.labels is not None:
             return labels(column.labels, values)
         return labels(values, absent=("",) if column.empty_is_null else ())
-    if column.nullable and isinstance(values, np.ndarray) and values.dtype.kind == "i":
-        values = np.ma.masked_equal(values, column.absent)
-    try:
-        # from_pandas: nan and masked entries become null.
-        return pa.array(values, type=field.type, from_pandas=column.nullable)
-    except UnicodeEncodeError:
-        texts = [readable(text) if isinstance(text, str) else text for text in values]
-        return pa.array(texts, type=field.type, from_pandas=column.nullable)
+    if column.kind == "text":
+        return texts([None if _is_absent(text) else readable(text) for text in values])
+    kind: type = {"integer": np.int64, "number": np.float64, "truth": np.bool_}[column.kind]
+    if isinstance(values, np.ndarray) and values.dtype != object:
+        absent = values == column.absent if column.kind == "integer" else np.zeros(len(values), dtype=np.bool_)
+        absent &= column.nullable
+    else:
+        absent = np.array([*map(_is_absent, values)], dtype=np.bool_)
+        values = np.array([column.absent if gone else one for one, gone in zip(values, absent, strict=True)], kind)
+    if column.kind == "truth":
+        return truths(values, absent)
+    if column.nullable and column.kind == "number":
+        absent |= np.isnan(values)
+    return numbers(values.astype(kind, casting="same_kind", copy=False), absent)
+
+
+def _is_absent(value: object) -> bool:
+    return value is None or value != value  # noqa: PLR0124 - nan
 
 
 def labels(names: Sequence[str | None], index: Any = None, absent: Sequence[str] = ()) -> pa.Array:  # noqa: ANN401
@@ -73,18 +89,13 @@ def labels(names: Sequence[str | None], index: Any = None, absent: Sequence[str]
         **{name: place for place, name in enumerate(kept)},
     }
     place = np.array([places[name] for name in names], dtype=np.int32)
-    picked = place if index is None else np.append(place, np.int32(-1))[index]
-    indices = pa.array(picked, pa.int32(), mask=picked < 0)
-    return pa.DictionaryArray.from_arrays(indices, pa.array([readable(name) for name in kept], pa.string()))
+    picked = place if index is None else np.append(place, np.int32(-1))[np.asarray(index, dtype=np.int64)]
+    return pa.DictionaryArray.from_arrays(numbers(picked, picked < 0), texts([readable(name) for name in kept]))
 
 
 def decoded(values: pa.ChunkedArray, column: Column) -> Any:  # noqa: ANN401 - an array
     """The values of a column of a table as an array, with `Column.absent` for null."""
-    if column.kind in ("label", "text"):
-        values = values.cast("string")
-    if column.kind != "number" and values.null_count:
-        values = values.fill_null(column.absent)
-    return values.to_numpy(zero_copy_only=False)
+    return values_of(values, column.absent)
 
 
 def schema_of(columns: Sequence[Column]) -> pa.Schema:

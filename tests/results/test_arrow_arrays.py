@@ -1,0 +1,69 @@
+"""Arrow arrays and numpy arrays have the same values, also where values are absent, sliced, in parts or none at all."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from interdrive.storage.arrow_arrays import numbers, texts, truths, values_of
+
+ABSENT = np.array([False, True, False, False, True, False, False, False, True, False])
+
+
+def test_numbers_come_back_with_nan_where_they_are_absent():
+    values = np.linspace(-1.0, 2.0, 10)
+    made = numbers(values, ABSENT)
+    made.validate(full=True)
+    assert made.to_pylist() == [None if gone else one for one, gone in zip(values, ABSENT, strict=True)]
+    np.testing.assert_array_equal(values_of(made), np.where(ABSENT, np.nan, values))
+
+
+def test_integers_come_back_with_what_stands_for_absence():
+    made = numbers(np.arange(10), ABSENT)
+    assert made.type == pa.int64()
+    found = values_of(made, -1)
+    assert found.dtype == np.int64
+    assert found.tolist() == [0, -1, 2, 3, -1, 5, 6, 7, -1, 9]
+
+
+def test_every_second_value_is_taken_from_where_it_lies():
+    wide = np.arange(20.0).reshape(10, 2)
+    assert values_of(numbers(wide[:, 1])).tolist() == wide[:, 1].tolist()
+
+
+@pytest.mark.parametrize(("begin", "n"), [(0, 3), (1, 9), (8, 2), (5, 0)])
+def test_a_slice_has_its_own_values(begin, n):
+    expected = [None if gone else k % 3 == 0 for k, gone in enumerate(ABSENT)][begin : begin + n]
+    made = truths(np.arange(10) % 3 == 0, ABSENT).slice(begin, n)
+    assert made.to_pylist() == expected
+    assert values_of(made, False).tolist() == [bool(one) for one in expected]
+    names = texts([None if one is None else str(one) for one in expected])
+    assert values_of(names, "").tolist() == ["" if one is None else str(one) for one in expected]
+
+
+def test_texts_may_be_empty_absent_and_of_several_bytes():
+    given = ["", None, "Kreuzung", "Straße", "𝄞", None]
+    made = texts(given)
+    made.validate(full=True)
+    assert made.to_pylist() == given
+    assert values_of(made).tolist() == given
+
+
+def test_labels_in_parts_are_joined():
+    some = pa.array(["idm", None, "frenet"]).dictionary_encode()
+    more = pa.array(["rollout", "idm"]).dictionary_encode()
+    assert values_of(pa.chunked_array([some, more]), "none").tolist() == ["idm", "none", "frenet", "rollout", "idm"]
+
+
+@pytest.mark.parametrize(
+    "kind", [pa.int64(), pa.float64(), pa.bool_(), pa.string(), pa.dictionary(pa.int32(), pa.string())]
+)
+def test_a_column_without_rows_has_no_values(kind):
+    found = values_of(pa.chunked_array([], type=kind))
+    assert found.shape == (0,)
+    assert found.dtype == {"int64": np.int64, "double": np.float64, "bool": np.bool_}.get(str(kind), object)
+
+
+def test_values_are_ones_own_to_change():
+    table = pa.table({"speed": np.array([1.0, 2.0])})
+    values_of(table["speed"])[0] = 7.0
+    assert table["speed"].to_pylist() == [1.0, 2.0]
