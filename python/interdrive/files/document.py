@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError, fromstring
 from xml.parsers import expat
@@ -11,6 +12,7 @@ from interdrive.errors import InputError
 from interdrive.files.encoding import text_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from xml.etree.ElementTree import Element
 
 #: Errors of documents that end too early, by their numbers in expat.
@@ -25,12 +27,17 @@ _CUT = tuple(
 )
 
 
-def parse(data: bytes, file: str) -> Element:
+#: What encloses text that may look like elements.
+_ENCLOSING = ("<!--", "<![CDATA[", "<?")
+
+
+def parse(data: bytes, file: str, but: Sequence[str] = ()) -> Element:
     """Parses an XML document without entities, document types or external references.
 
     Args:
         data: The document.
         file: Its name, for messages.
+        but: Tags of elements that may be left out, which saves time; none of them is inside of another one.
 
     Returns:
         The root element.
@@ -46,7 +53,7 @@ def parse(data: bytes, file: str) -> Element:
             raise InputError(
                 f"{file}: has a document type declaration or entities, refused for safety; remove the <!DOCTYPE ...>"
             )
-        root = fromstring(text)
+        root = fromstring(_without(text, but))
     except (ParseError, expat.ExpatError, ValueError) as error:
         if not text.lstrip().startswith("<"):
             raise InputError(f"{file}: not an XML file; give a CommonRoad .xml or .pb file") from error
@@ -54,6 +61,16 @@ def parse(data: bytes, file: str) -> Element:
         advice = "is the file complete?" if is_cut else "correct the file there"
         raise InputError(f"{file}: broken XML ({error}); {advice}") from error
     return root
+
+
+def _without(text: str, tags: Sequence[str]) -> str:
+    """The document without elements that are easy to find; the others stay."""
+    begin = text.find("?>") + 1 if text.lstrip().startswith("<?xml") else 0
+    if any(text.find(mark, begin) >= 0 for mark in _ENCLOSING):
+        return text
+    for tag in tags:
+        text = re.sub(rf"<{tag}(?:\s[^<>]*)?(?<!/)>.*?</{tag}\s*>", "", text, flags=re.DOTALL)
+    return text
 
 
 class _PrologueRead(Exception):  # noqa: N818 - the parser is left by raising

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from interdrive.scenario import Scenario
 
 ROAD_TAGS = ("lanelet", "trafficSign", "trafficLight", "intersection")
+_TRAFFIC_TAGS = ("dynamicObstacle", "staticObstacle", "obstacle", "planningProblem")
 UNKNOWN_LOCATION = (
     "<location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude><gpsLongitude>999</gpsLongitude></location>"
 )
@@ -144,7 +145,7 @@ def _original(scenario: Scenario) -> Element | None:
             return None
         if scenario.path.suffix.lower() in PROTOBUF_ENDINGS:
             data = _xml_from_protobuf(scenario.path, data)
-        root = document.parse(data, str(scenario.path))
+        root = document.parse(data, str(scenario.path), but=_TRAFFIC_TAGS)
         document.drop_dangling_relations(root)
     except (OSError, InputError):
         return None

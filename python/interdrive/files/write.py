@@ -194,7 +194,8 @@ def _static_obstacle(
 ) -> str:
     kind = _STANDING.get(states.kinds[row], "unknown")
     first = int(states.valid[row].argmax())
-    state = _state("initialState", states, row, first, 0, ("velocity",), text)
+    (state,) = _states(states, row, [first], 0, ("velocity",), text)
+    state = f"<initialState>{state}</initialState>"
     return f'<staticObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>{state}</staticObstacle>'
 
 
@@ -215,31 +216,33 @@ def _dynamic_obstacle(
         for name in _COLUMNS
         if (name == "velocity" or name not in unknown) and np.isfinite(getattr(states, name)[row, columns]).all()
     )
-    first, *later = (
-        _state("state" if index else "initialState", states, row, column, first_time_step + column, names, text)
-        for index, column in enumerate(columns)
-    )
-    trajectory = "\n".join(["<trajectory>", *later, "</trajectory>"]) if later else ""
+    first, *later = _states(states, row, columns, first_time_step + columns[0], names, text)
+    lines = ["<trajectory>", *(f"<state>{state}</state>" for state in later), "</trajectory>"]
+    trajectory = "\n".join(lines) if later else ""
     return (
-        f'<dynamicObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>\n{first}\n{trajectory}'
+        f'<dynamicObstacle id="{number}"><type>{kind}</type><shape>{shape}</shape>\n'
+        f"<initialState>{first}</initialState>\n{trajectory}"
         "</dynamicObstacle>"
     )
 
 
-def _state(
-    tag: str,
+def _states(
     states: States | Obstacles,
     row: int,
-    column: int,
+    columns: Sequence[int],
     time_step: int,
     names: tuple[str, ...],
     text: Callable[[float], str],
-) -> str:
-    x, y = text(states.x[row, column]), text(states.y[row, column])
-    orientation = _exact("orientation", text(states.orientation[row, column]))
-    values = "".join(_exact(_COLUMNS[name], text(getattr(states, name)[row, column])) for name in names)
-    time = _exact("time", str(time_step))
-    return f"<{tag}><position><point><x>{x}</x><y>{y}</y></point></position>{orientation}{time}{values}</{tag}>"
+) -> Iterable[str]:
+    """What the elements of states hold: of all columns, the first of which is at the time step."""
+    own = {name: map(text, getattr(states, name)[row, columns].tolist()) for name in ("x", "y", "orientation", *names)}
+    tags = "".join(_exact(_COLUMNS[name], "%s") for name in names)
+    form = (
+        "<position><point><x>%s</x><y>%s</y></point></position>"
+        f"{_exact('orientation', '%s')}{_exact('time', '%d')}{tags}"
+    )
+    times = (time_step + column - columns[0] for column in columns)
+    return map(form.__mod__, zip(own.pop("x"), own.pop("y"), own.pop("orientation"), times, *own.values(), strict=True))
 
 
 def _footprint(shape: Shape) -> str:
