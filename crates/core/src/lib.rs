@@ -25,7 +25,7 @@ pub mod scene;
 pub mod barrier;
 pub mod rules;
 pub mod right_of_way;
-pub mod network;
+pub mod layers;
 pub mod predict;
 pub mod v2x;
 pub mod observation;

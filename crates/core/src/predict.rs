@@ -4,7 +4,7 @@
 mod bending;
 mod lane_candidates;
 pub mod neural;
-mod standing;
+mod stillness;
 #[cfg(test)]
 mod tests;
 mod turning;
@@ -25,7 +25,7 @@ use crate::trajectory::{Predictions, State};
 use crate::vehicle::ParticipantKind;
 pub(crate) use bending::narrow_in_bends;
 use lane_candidates::LaneCandidates;
-pub use standing::is_standing;
+pub use stillness::is_standing;
 pub(crate) use turning::{ShownWay, turn};
 pub(crate) use waiting::{Waiting, wait};
 

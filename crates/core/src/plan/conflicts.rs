@@ -7,7 +7,7 @@
 //! moved back along the path. Whether the vehicle has to wait for an occupancy that begins later is decided once per plan.
 
 mod path_interval;
-mod precedence;
+mod yielding;
 
 pub(super) use path_interval::Ego;
 
@@ -18,7 +18,7 @@ use crate::geometry::shape::OrientedBox;
 use path_interval::{
     OUTSIDE, PathInterval, Placed, PredictedMode, Projection, Region, foot_of, interval_of, is_box, structure,
 };
-use precedence::{goes_before_standing, is_joined_ahead, must_wait};
+use yielding::{goes_before_standing, is_joined_ahead, must_wait};
 
 /// Modes with at least this probability count, and the most probable one.
 pub(super) const MODE_PROBABILITY: f64 = 0.2;

@@ -27,7 +27,7 @@ pub mod policy;
 mod polynomial;
 mod recorded;
 mod recorded_path;
-pub(crate) mod reference;
+pub(crate) mod reference_driver;
 pub mod rollout;
 mod velocity_adjusting;
 pub mod weights;
@@ -40,7 +40,7 @@ pub use mobil::IdmMobilSettings;
 pub(crate) use passing::narrow_place;
 pub use pdm::PdmSettings;
 pub use prediction_index::PredictionIndex;
-pub use reference::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
+pub use reference_driver::{CcSettings, FsmSettings, R157Settings, ReferenceDriving, RssSettings};
 pub use velocity_adjusting::VelocityAdjustingSettings;
 pub use wavering::{PlaceInLane, Wavering};
 
@@ -379,7 +379,7 @@ pub struct PlanningMemory {
     free: Vec<car_following::PathMotion>,
     effort: usize,
     /// What a reference driver remembers; the world hands it in and takes it back.
-    pub(crate) alertness: reference::Alertness,
+    pub(crate) alertness: reference_driver::Alertness,
 }
 
 impl PlanningMemory {
@@ -432,7 +432,7 @@ pub fn plan(
             memory.effort = memory.pdm.effort();
             found.unwrap_or_else(|reason| refused(request, reason))
         }
-        (Planner::Reference(driver, settings), _) => reference::plan(request, (*driver, settings), memory),
+        (Planner::Reference(driver, settings), _) => reference_driver::plan(request, (*driver, settings), memory),
         (Planner::IdmMobil(settings), Prepared::Lanes(lanes)) => mobil::plan(request, settings, lanes, memory),
         (Planner::IdmMobil(_), Prepared::Nothing) => refused(request, "its lanes make no path"),
         (Planner::Policy(found), Prepared::PathTable(table)) => policy::plan(request, found, table, &mut memory.policy),

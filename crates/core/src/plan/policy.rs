@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::learned::{Action, ActionSpace};
 use super::{Other, PlanRequest, PlanResult};
 use crate::error::{Error, Result};
-use crate::network::linear::{Linear, relu};
+use crate::layers::linear::{Linear, relu};
 use crate::observation::{ObservationMemory, ObservationSettings, ObservedBody, Observer, PathTable, layout, observe};
 use crate::trajectory::Trajectory;
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::know::{Known, Via, moved};
 use super::message::{Message, Object, Payload};
-use super::network::Network;
+use super::radio::Radio;
 use super::trigger::interpolated;
 use crate::barrier::Barrier;
 use crate::geometry::polyline::ReferencePath;
@@ -120,7 +120,7 @@ impl Additional {
     }
 }
 
-impl Network {
+impl Radio {
     /// What all agents expect: `table` is that of a predictor, with a row for each participant present. `visible` are the
     /// places among those present that each observer sees.
     pub(crate) fn expect(

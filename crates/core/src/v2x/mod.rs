@@ -2,7 +2,7 @@
 //! channel.
 //!
 //! Best read in this order: `settings`, `draw` (numbers of the channel), `channel` (receivers and arrival), `message`,
-//! `trigger` (when something is sent), `inbox` (what arrived), `network` (all of it, state of the world), then `know`
+//! `trigger` (when something is sent), `inbox` (what arrived), `radio` (all of it, state of the world), then `know`
 //! (what an agent knows) and `expect` (what was received as predictions). What follows for the right of way:
 //! `world/cooperation`.
 
@@ -13,7 +13,7 @@ mod inbox;
 mod know;
 mod log;
 mod message;
-mod network;
+mod radio;
 mod settings;
 #[cfg(test)]
 mod tests;
@@ -27,6 +27,6 @@ pub use know::{Known, Via};
 pub use log::{Agreement, Log, Logged, Row};
 pub use message::Service;
 pub(crate) use message::{Object, Payload, WAY_SPACING};
-pub(crate) use network::{Network, Speaker};
+pub(crate) use radio::{Radio, Speaker};
 pub use settings::V2xSettings;
 pub(crate) use trigger::interpolated;

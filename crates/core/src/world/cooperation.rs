@@ -18,7 +18,7 @@ use crate::rules::SpeedLimits;
 use crate::scene::{PositionIndex, Scene};
 use crate::trajectory::{PlanStatus, Plans, Predictions, State};
 use crate::v2x::{
-    self, Agreement, Log, Network, Object, Observer, Payload, SharedPredictions, Speaker, WAY_SPACING, interpolated,
+    self, Agreement, Log, Object, Observer, Payload, Radio, SharedPredictions, Speaker, WAY_SPACING, interpolated,
 };
 use crate::vehicle::Vehicle;
 
@@ -99,7 +99,7 @@ fn asking<'a>(body: usize, width: f64, drive: &'a Drive, (course, memory): (&'a 
 }
 
 impl World {
-    /// Equips the agents before the first step; without an equipped agent there is no network.
+    /// Equips the agents before the first step; without an equipped agent nobody sends.
     pub(super) fn equip(&mut self) {
         let (settings, seed, level) = (self.settings.v2x, self.settings.seed, self.settings.record_messages);
         let ids: Vec<i64> = self.drives.iter().map(|drive| drive.agent.id).collect();
@@ -117,7 +117,7 @@ impl World {
             if settings.negotiate {
                 self.find_zones();
             }
-            self.network = Some(Box::new(Network::new(settings, (seed, self.scenario.dt), equipped, level)));
+            self.radio = Some(Box::new(Radio::new(settings, (seed, self.scenario.dt), equipped, level)));
         }
     }
 
@@ -132,17 +132,17 @@ impl World {
 
     /// Agents may agree by V2X.
     pub(super) fn agrees(&self) -> bool {
-        self.network.as_deref().is_some_and(|network| network.settings().negotiate)
+        self.radio.as_deref().is_some_and(|radio| radio.settings().negotiate)
     }
 
     /// Ids of the agents with V2X, ascending.
     pub fn equipped(&self) -> &[i64] {
-        self.network.as_deref().map_or(&[], Network::ids)
+        self.radio.as_deref().map_or(&[], Radio::ids)
     }
 
     /// What was sent and received until now; `None` if no agent has V2X.
     pub fn messages(&self) -> Option<&Log> {
-        self.network.as_deref().map(Network::log)
+        self.radio.as_deref().map(Radio::log)
     }
 
     /// What the agents expect: predictions for all participants present, completed by what each agent was told; `None`
@@ -154,7 +154,7 @@ impl World {
         self.check_time_step("scene", scene.time_step)?;
         self.check_scene(scene)?;
         self.check_time_step("predictions", predictions.time_step)?;
-        let Some(network) = &self.network else { return Ok(None) };
+        let Some(radio) = &self.radio else { return Ok(None) };
         let found: Vec<(usize, &Drive)> = self.talking().collect();
         let mut observers = Vec::with_capacity(found.len());
         for &(place, drive) in &found {
@@ -170,7 +170,7 @@ impl World {
             self.threads.each(found.len(), |_, i| look(i));
         }
         let visible: Vec<&[usize]> = found.iter().map(|(_, drive)| self.sight(drive, scene, &index)).collect();
-        Ok(Some(network.expect((scene, &*self.scenario.road), &table, &observers, &visible)))
+        Ok(Some(radio.expect((scene, &*self.scenario.road), &table, &observers, &visible)))
     }
 
     /// What an equipped agent sees now, as places among those present. It looks once per time step.
@@ -191,25 +191,25 @@ impl World {
 
     /// Sends messages about now; plans are adopted.
     pub(super) fn send_messages(&mut self, plans: &Plans, orders: &[Order]) {
-        let Some(mut network) = self.network.take() else { return };
-        if network.settings().negotiate {
-            self.agreements_now(orders).for_each(|agreement| network.note_agreement(agreement));
+        let Some(mut radio) = self.radio.take() else { return };
+        if radio.settings().negotiate {
+            self.agreements_now(orders).for_each(|agreement| radio.note_agreement(agreement));
         }
-        let scene = network.settings().cpm.then(|| {
+        let scene = radio.settings().cpm.then(|| {
             let scene = self.scene_with_past(OBSERVED);
             let index = scene.position_index(self.drives.len());
             (scene, index)
         });
         let request = |drive: &Drive| {
             let place = orders.binary_search_by_key(&drive.agent.id, |order| order.id).ok()?;
-            network.settings().negotiate.then(|| orders[place].memory)
+            radio.settings().negotiate.then(|| orders[place].memory)
         };
         let speaker = |(place, drive): (usize, _)| self.speaker((place, drive), plans, request(drive), scene.as_ref());
         let speakers = self.talking().map(speaker).collect();
         let present = |drive: &Drive| Some((drive.place?, self.states[drive.row]?.pose().position));
         let listeners: Vec<(usize, Point)> = self.drives.iter().filter_map(present).collect();
-        network.send(self.time_step, speakers, &listeners);
-        self.network = Some(network);
+        radio.send(self.time_step, speakers, &listeners);
+        self.radio = Some(radio);
     }
 
     fn speaker<'a>(
@@ -239,15 +239,15 @@ impl World {
     /// Files the messages that arrive now.
     pub(super) fn file_messages(&mut self) {
         let now = self.time_step;
-        let Some(mut network) = self.network.take() else { return };
+        let Some(mut radio) = self.radio.take() else { return };
         self.sights.iter_mut().for_each(|sight| *sight = OnceLock::new());
-        network.file(now);
-        self.network = Some(network);
+        radio.file(now);
+        self.radio = Some(radio);
     }
 
     /// Stretches in which agents have held for others.
     pub fn agreements(&self) -> &[Agreement] {
-        self.network.as_deref().map_or(&[], Network::agreements)
+        self.radio.as_deref().map_or(&[], Radio::agreements)
     }
 
     /// The barrier before which an agent holds because of an agreement.
@@ -271,9 +271,9 @@ impl World {
     /// Puts the orders of agents that agree by V2X in the place of those that they would have without messages: their
     /// ledgers are filled with what they see and what they were told.
     pub(super) fn agree(&self, traffic: &Traffic<'_>, rows: &[usize], scene: &Scene, orders: &mut Vec<Order>) {
-        let Some(network) = self.network.as_deref().filter(|network| network.settings().negotiate) else { return };
+        let Some(radio) = self.radio.as_deref().filter(|radio| radio.settings().negotiate) else { return };
         let index = scene.position_index(self.drives.len());
-        let mut strips: Strips = vec![None; network.ids().len()];
+        let mut strips: Strips = vec![None; radio.ids().len()];
         for (place, drive) in self.talking().filter(|(_, drive)| !self.reverses(drive)) {
             let body = |row: usize| rows.binary_search(&row).ok();
             let Some(own) = body(drive.row) else { continue };
@@ -281,7 +281,7 @@ impl World {
             let mut known: Vec<usize> = sight.filter_map(|place| body(scene.present[*place])).chain([own]).collect();
             known.sort_unstable();
             known.dedup();
-            let told = self.told(network, (place, drive), rows, &known, &mut strips);
+            let told = self.told(radio, (place, drive), rows, &known, &mut strips);
             let Some(order) = self.agreed_order(drive, own, &known, &told, traffic) else { continue };
             match orders.binary_search_by_key(&order.id, |order| order.id) {
                 Ok(known) => orders[known] = order,
@@ -293,17 +293,17 @@ impl World {
     /// What an agent was told of others that it would not know otherwise; nothing if none of them needs the same zones.
     fn told<'a>(
         &'a self,
-        network: &Network,
+        radio: &Radio,
         (place, drive): (usize, &Drive),
         rows: &[usize],
         known: &[usize],
         strips: &mut Strips,
     ) -> Vec<Told<'a>> {
         let Some(state) = self.states[drive.row] else { return Vec::new() };
-        let far = reach(state.velocity) + network.settings().way_ahead;
+        let far = reach(state.velocity) + radio.settings().way_ahead;
         let ours = OnceCell::new();
         let (mut found, mut is_shared) = (Vec::new(), false);
-        for (sender, message) in network.plans(place) {
+        for (sender, message) in radio.plans(place) {
             let Payload::Mcm { status, spacing, points, way, way_from, request, .. } = &message.payload else {
                 continue;
             };

@@ -31,7 +31,7 @@ use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
 use crate::plan::frenet::{self, CostWeights};
-use crate::plan::reference::AlertnessLog;
+use crate::plan::reference_driver::AlertnessLog;
 use crate::plan::{Planner, PlanningMemory, Prepared, ReferenceDriving};
 use crate::predict::{self, Predictor, predict_with};
 use crate::recording::{Outcome, OutcomeKind, Recording};
@@ -42,7 +42,7 @@ use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{OBSERVED_STEPS, Participants, Scene, ViewLimits};
 use crate::trajectory::{PlanTable, Predictions, State, States, Trajectory};
-use crate::v2x::Network;
+use crate::v2x::Radio;
 use crate::vehicle::{ParticipantKind, Vehicle};
 pub use outside::Outside;
 pub use queues::Queue;
@@ -250,7 +250,7 @@ pub struct World {
     entered_in_contact: BTreeSet<(usize, usize)>,
     recording: Recording,
     /// Messages; `None` if no agent has V2X.
-    network: Option<Box<Network>>,
+    radio: Option<Box<Radio>>,
     /// What the equipped agents see at this time step, once they have looked, by place.
     sights: Vec<OnceLock<Vec<usize>>>,
     threads: Threads,

@@ -158,7 +158,7 @@ impl World {
             entered_in_contact: BTreeSet::new(),
             scenario,
             settings,
-            network: None,
+            radio: None,
             sights: Vec::new(),
             threads: Threads::new(settings.threads)?,
             memories: (0..settings.threads).map(|_| Shared::default()).collect(),
@@ -214,7 +214,7 @@ impl World {
         self.orders = OnceLock::new();
         self.has_crosswalks = has_people && agents.iter().any(|staged| !staged.way.crosswalks().is_empty());
         self.waits = OnceLock::new();
-        self.network = None;
+        self.radio = None;
         self.equip();
         let has_passages = |drive: &Drive| !drive.course.passages.is_empty();
         let n_passing = self.drives.iter().filter(|drive| self.passes(drive)).count();

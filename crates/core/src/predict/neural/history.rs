@@ -1,7 +1,7 @@
 //! What a participant did until now, at fixed instants whatever the time step is.
 
 use crate::geometry::{Point, wrap_angle};
-use crate::predict::standing::Stillness;
+use crate::predict::stillness::Stillness;
 use crate::scene::Scene;
 
 /// Instants of the past.

@@ -9,7 +9,7 @@ use super::inputs::N_KNOTS;
 use super::motion_smoothness::N_SMOOTHNESS;
 use super::paths::N_PATHS;
 use crate::error::{Error, Result};
-use crate::network::linear::{Linear, relu};
+use crate::layers::linear::{Linear, relu};
 
 /// Outputs of a mode: its logit, then of every knot the speed [m/s] and the lateral speed [m/s] besides those expected,
 /// and the logarithms of how fast the standard deviations along and across the path grow [m/s].

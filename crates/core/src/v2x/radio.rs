@@ -38,7 +38,7 @@ pub(crate) struct Speaker<'a> {
 
 /// Messages of all equipped agents.
 #[derive(Debug, Clone)]
-pub(crate) struct Network {
+pub(crate) struct Radio {
     pub(super) settings: V2xSettings,
     seed: u64,
     pub(super) dt: f64,
@@ -56,7 +56,7 @@ pub(crate) struct Network {
     points: Vec<State>,
 }
 
-impl Network {
+impl Radio {
     pub(crate) fn new(settings: V2xSettings, (seed, dt): (u64, f64), ids: Vec<i64>, level: Logged) -> Self {
         let n = ids.len();
         Self {
