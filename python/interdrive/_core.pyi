@@ -28,8 +28,11 @@ _Interval = tuple[float, float]
 
 __all__ = [
     "CODES",
+    "CREEPING_SPEED",
     "DEEPEST",
     "DESIGN_WIDTH",
+    "EXPECTED_DECELERATION",
+    "GOING_SIGNALS",
     "JUDGED_STANDSTILL_SPEED",
     "LARGEST_ACCELERATION",
     "LARGEST_ANGLE",
@@ -48,12 +51,14 @@ __all__ = [
     "MOST_STATES",
     "NEURAL",
     "PLAN_POINTS_MAX",
+    "RANK_WITHOUT_SIGN",
     "RASTER",
     "REACH",
     "REACH_TIME",
     "REWARDS",
     "SMALLEST_DT",
     "STANDSTILL_SPEED",
+    "STOP_RANK",
     "STOP_REACH",
     "Agent",
     "Barriers",
@@ -116,6 +121,15 @@ CODES: dict[str, list[str]]
 #: below the second when its run is judged [m/s].
 STANDSTILL_SPEED: float
 JUDGED_STANDSTILL_SPEED: float
+#: Up to this speed [m/s] the yaw rate says nothing about the steering angle.
+CREEPING_SPEED: float
+#: Braking that is expected of every vehicle [m/s²].
+EXPECTED_DECELERATION: float
+#: What a stop sign and a way without a sign are worth where ways meet; the greater rank goes first.
+STOP_RANK: int
+RANK_WITHOUT_SIGN: int
+#: Codes of the signals that hold nobody.
+GOING_SIGNALS: list[int]
 #: Stops count so far before the line of a sign [m].
 STOP_REACH: float
 DEEPEST: int

@@ -1,5 +1,5 @@
 //! How vehicles drive, in numbers that planning, right of way, prediction and judgement share: what counts as standing, and
-//! which braking is comfortable.
+//! which braking is expected.
 
 /// An agent that is slower than this stands [m/s]: it is told so by its own speed. Ten seconds of it are 1 m.
 pub const STANDSTILL_SPEED: f64 = 0.1;
@@ -24,13 +24,15 @@ pub fn reverses(velocity: f64) -> bool {
     velocity < -STANDSTILL_SPEED
 }
 
-/// Comfortable braking [m/s²]: with more than this no vehicle has to stop for a light that changes, and none is expected to
-/// brake to give way. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation Engineers).
-pub const COMFORTABLE_DECELERATION: f64 = 3.0;
+/// Braking that is expected of every vehicle [m/s²]: none has to brake harder for a light that changes, to give way, or for
+/// people at a crosswalk. Traffic engineers time yellow lights by 10 ft/s², 3.05 m/s² (Institute of Transportation
+/// Engineers). How hard an agent brakes for its own comfort is a setting of its planner, such as `Comfort::deceleration`.
+pub const EXPECTED_DECELERATION: f64 = 3.0;
 
-/// A vehicle could stop comfortably within a distance [m] from a speed [m/s]: a light that changes holds it.
+/// A vehicle could stop within a distance [m] from a speed [m/s] by the braking that is expected: a light that changes holds
+/// it.
 pub fn could_stop(velocity: f64, distance: f64) -> bool {
-    velocity * velocity <= 2.0 * COMFORTABLE_DECELERATION * distance
+    velocity * velocity <= 2.0 * EXPECTED_DECELERATION * distance
 }
 
 /// Firm braking [m/s²]: a vehicle that would have to brake harder to wait for another one is not expected to, and agents

@@ -24,6 +24,11 @@ pub enum Signal {
 impl Signal {
     /// All signals; the position is the code that crosses the Python boundary.
     pub const ALL: [Self; 4] = [Self::Dark, Self::Green, Self::Yellow, Self::Red];
+
+    /// It holds nobody. Yellow and red hold who could still stop.
+    pub fn lets_go(self) -> bool {
+        matches!(self, Self::Green | Self::Dark)
+    }
 }
 
 /// A traffic light with its cycle.
@@ -123,12 +128,18 @@ impl Turn {
     }
 }
 
+/// What a stop sign is worth, the least of all signs: where every way has one, the first to arrive goes first.
+pub const STOP_RANK: u8 = 1;
+/// What a way without a sign is worth.
+pub const RANK_WITHOUT_SIGN: u8 = 3;
+
 /// What a file says about priority at junctions; lanelets are indices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Priorities {
     /// Turns of the lanelets that lead across junctions, where the file states them.
     pub turns: BTreeMap<usize, Turn>,
-    /// For lanelets that lead to a junction and have a sign: what it is worth for each turn, 1 (stop) to 5.
+    /// For lanelets that lead to a junction and have a sign: what it is worth for each turn
+    /// (`scenario/signs.py` of the package), from `STOP_RANK` on.
     pub ranks: BTreeMap<usize, [u8; 3]>,
     /// Lanelets from which others are entered with care: driveways, ramps, bus stops.
     pub minor: BTreeSet<usize>,

@@ -338,7 +338,7 @@ impl Rules<'_> {
     /// nearest light that hold the agent, and what it was told, as far ahead as on its reference path.
     ///
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
-    /// `COMFORTABLE_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
+    /// `EXPECTED_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
     /// long as it still cannot stop.
     pub fn barriers(&self, way: &Way, front: f64, velocity: f64) -> Barriers {
         let mut found = Barriers::NONE;
@@ -364,7 +364,7 @@ impl Rules<'_> {
 
     /// Its lights were green or dark so many time steps ago.
     fn may_pass(&self, crossing: &Crossing, steps: i64) -> bool {
-        matches!(self.control.signal(&crossing.lights, self.time_step - steps), Signal::Green | Signal::Dark)
+        self.control.signal(&crossing.lights, self.time_step - steps).lets_go()
     }
 
     /// The agent has stood long enough before a line, no farther away than counts.

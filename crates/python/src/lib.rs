@@ -25,7 +25,7 @@ mod world;
 mod worlds;
 
 use interdrive_core::conduct;
-use interdrive_core::control::{Signal, Turn};
+use interdrive_core::control::{self, Signal, Turn};
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::junctions::{AreaKind, Reason};
@@ -35,7 +35,7 @@ use interdrive_core::right_of_way;
 use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
 use interdrive_core::v2x::{Service, Via};
-use interdrive_core::vehicle::ParticipantKind;
+use interdrive_core::vehicle::{ParticipantKind, single_track};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -57,7 +57,12 @@ fn codes(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(codes)
 }
 
-/// A vehicle could stop comfortably within a distance [m] from a speed [m/s].
+/// Codes of the signals that hold nobody.
+fn going_signals() -> Vec<usize> {
+    Signal::ALL.iter().enumerate().filter(|(_, signal)| signal.lets_go()).map(|(code, _)| code).collect()
+}
+
+/// A vehicle could stop within a distance [m] from a speed [m/s] by the braking that is expected.
 #[pyfunction]
 fn could_stop(velocity: f64, distance: f64) -> bool {
     conduct::could_stop(velocity, distance)
@@ -70,7 +75,12 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("PLAN_POINTS_MAX", PLAN_POINTS_MAX)?;
     module.add("STANDSTILL_SPEED", conduct::STANDSTILL_SPEED)?;
     module.add("JUDGED_STANDSTILL_SPEED", conduct::JUDGED_STANDSTILL_SPEED)?;
+    module.add("CREEPING_SPEED", single_track::CREEPING_SPEED)?;
+    module.add("EXPECTED_DECELERATION", conduct::EXPECTED_DECELERATION)?;
     module.add("STOP_REACH", rules::STOP_REACH)?;
+    module.add("STOP_RANK", control::STOP_RANK)?;
+    module.add("RANK_WITHOUT_SIGN", control::RANK_WITHOUT_SIGN)?;
+    module.add("GOING_SIGNALS", going_signals())?;
     module.add("DESIGN_WIDTH", right_of_way::DESIGN_WIDTH)?;
     module.add("REACH", right_of_way::REACH)?;
     module.add("REACH_TIME", right_of_way::REACH_TIME)?;

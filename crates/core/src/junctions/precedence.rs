@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::{Area, AreaKind, Junctions, Reason, Side};
-use crate::control::{Control, Turn};
+use crate::control::{Control, RANK_WITHOUT_SIGN, STOP_RANK, Turn};
 use crate::geometry::wrap_angle;
 use crate::road::RoadNetwork;
 
@@ -13,8 +13,6 @@ const CHORD_LENGTH: f64 = 5.0;
 const INSIDE_LENGTH: f64 = 40.0;
 /// Ways that arrive within this angle come from the same side, within this one of PI against each other [rad].
 const SAME_SIDE: f64 = 30.0 / 180.0 * PI;
-/// What a stop sign is worth.
-const STOP: u8 = 1;
 /// A limit that is higher by this makes the main road [m/s].
 const LIMIT_STEP: f64 = 4.0;
 /// A lanelet that keeps straighter by this angle goes on, the other one ends [rad].
@@ -42,7 +40,7 @@ struct Approach {
     angle: f64,
     /// The turn as the file states it, otherwise by the angle.
     turn: Turn,
-    /// What its sign is worth; 3 without one.
+    /// What its sign is worth, or a way without one.
     rank: u8,
     has_lights: bool,
     is_minor: bool,
@@ -96,7 +94,7 @@ impl Approach {
             heading,
             angle,
             turn,
-            rank: rank.map_or(3, |ranks| ranks[turn as usize]),
+            rank: rank.map_or(RANK_WITHOUT_SIGN, |ranks| ranks[turn as usize]),
             has_lights,
             is_minor: priorities.minor.contains(&arrival),
             limit: lanelets[arrival].speed_limit,
@@ -144,7 +142,7 @@ fn decide(
         if let Some(first) = greater(f64::from(a.rank), f64::from(b.rank)) {
             return (Some(first), Reason::Sign);
         }
-        if arrivals.iter().all(|approach| approach.rank == STOP) {
+        if arrivals.iter().all(|approach| approach.rank == STOP_RANK) {
             return (None, Reason::Arrival);
         }
     }
@@ -156,7 +154,7 @@ fn decide(
         if let Some(first) = only(!a.is_minor, !b.is_minor) {
             return (Some(first), Reason::Minor);
         }
-        let has_signs = a.rank != 3 || b.rank != 3 || a.has_lights || b.has_lights;
+        let has_signs = [a, b].iter().any(|one| one.rank != RANK_WITHOUT_SIGN || one.has_lights);
         if !has_signs
             && angle.abs() > SAME_SIDE
             && let Some(first) = main_road([a, b], arrivals, control)

@@ -1,6 +1,5 @@
 //! What is comfortable, by planner: `rollout` drives as people do, `frenet` with the values that its cost was tuned for.
 
-use crate::conduct::COMFORTABLE_DECELERATION;
 use crate::settings::{between, positive, settings};
 
 settings! {
@@ -35,7 +34,7 @@ settings! {
         /// Distance kept to a standing leader.
         standstill_gap: f64 ["m"] = 2.0, between(0.0, 100.0);
         /// Deceleration before leaders, curves and the goal.
-        deceleration: f64 ["m/s²"] = COMFORTABLE_DECELERATION, positive(100.0);
+        deceleration: f64 ["m/s²"] = 3.0, positive(100.0);
         /// Lateral acceleration in curves, at most three quarters of the vehicle's limit.
         lateral_acceleration: f64 ["m/s²"] = 4.0, positive(100.0);
         /// Largest difference between desired and present speed.

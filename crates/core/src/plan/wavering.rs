@@ -4,6 +4,7 @@
 use std::f64::consts::TAU;
 
 use super::PlanRequest;
+use crate::conduct::EXPECTED_DECELERATION;
 use crate::route::PathPiece;
 use crate::settings::{between, positive, settings};
 
@@ -13,8 +14,6 @@ const N_WAVES: usize = 16;
 const DRAW_MIN: f64 = 1e-12;
 /// A slower driver wavers less, in proportion to its speed [m/s].
 const SLOW: f64 = 2.0;
-/// A driver who has to brake harder than this does not waver [m/s²].
-const BRAKES_FOR_SURE: f64 = 3.0;
 
 /// A driver reaches the place in its lane where it wants to be within this time [s], ...
 const KEEPING_TIME: f64 = 1.5;
@@ -173,7 +172,8 @@ impl Noise {
 
     /// What becomes of a wanted acceleration [m/s²] at a time [s] and a speed [m/s].
     pub(super) fn added(&self, wanted: f64, time: f64, velocity: f64) -> f64 {
-        if wanted < -BRAKES_FOR_SURE { wanted } else { wanted + self.value(time) * (velocity / SLOW).min(1.0) }
+        // Who has to brake harder than is expected of anybody does not waver.
+        if wanted < -EXPECTED_DECELERATION { wanted } else { wanted + self.value(time) * (velocity / SLOW).min(1.0) }
     }
 }
 

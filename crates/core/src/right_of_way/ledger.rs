@@ -6,7 +6,7 @@
 //! Agents that see different things keep different ledgers. Docs: rules.md.
 
 use crate::barrier::Barrier;
-use crate::conduct::{COMFORTABLE_DECELERATION, CRAWLING_SPEED, FIRM_DECELERATION};
+use crate::conduct::{CRAWLING_SPEED, EXPECTED_DECELERATION, FIRM_DECELERATION};
 use std::collections::BTreeMap;
 
 use super::components::components;
@@ -274,7 +274,7 @@ impl<'a> Ledger<'a> {
         let traveller = &self.traffic.travellers[index];
         let velocity = self.traffic.bodies[traveller.body].velocity;
         let to_wait = passage.entry_line - GAP - traveller.front;
-        let braking = 0.5 * velocity * velocity / COMFORTABLE_DECELERATION;
+        let braking = 0.5 * velocity * velocity / EXPECTED_DECELERATION;
         self.requests.push(Request {
             traveller: index,
             passage,
@@ -321,7 +321,7 @@ impl<'a> Ledger<'a> {
             let velocity = self.velocity(request);
             let is_first = ahead.is_empty() && !is_blocked;
             let to_wait = request.passage.entry_line - GAP - traveller.front;
-            if is_first && to_wait <= 0.5 * velocity * velocity / COMFORTABLE_DECELERATION + TICKET_REACH {
+            if is_first && to_wait <= 0.5 * velocity * velocity / EXPECTED_DECELERATION + TICKET_REACH {
                 request.memory.ticket = request.memory.ticket.or(Some(self.traffic.time_step));
             }
             request.ahead = (!is_blocked).then_some(ahead);

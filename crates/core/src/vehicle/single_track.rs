@@ -9,7 +9,7 @@ use crate::trajectory::State;
 /// Longest substep [s].
 const SUBSTEP: f64 = 0.1;
 /// Up to this speed [m/s] the yaw rate says nothing about the steering angle.
-pub(crate) const CREEPING_SPEED: f64 = 0.1;
+pub const CREEPING_SPEED: f64 = 0.1;
 /// Over shorter ways [m] the change of heading says nothing about the steering angle.
 const NO_TRAVEL: f64 = 1e-6;
 /// Speeds below this [m/s] count as it in the bounds of curvature.

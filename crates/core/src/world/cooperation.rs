@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::{Agent, Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{COMFORTABLE_DECELERATION, reverses};
+use crate::conduct::{EXPECTED_DECELERATION, reverses};
 use crate::error::Result;
 use crate::geometry::shape::OrientedBox;
 use crate::geometry::{Point, Pose};
@@ -429,7 +429,7 @@ impl World {
             let by = barrier.by.filter(|by| told.iter().any(|one| one.drive.agent.id == *by));
             if by.is_some() || !drive.obeys() {
                 let margin = self.settings.v2x.hold_margin - MARGIN;
-                let stopping = 0.5 * bodies[own].velocity.powi(2) / COMFORTABLE_DECELERATION + STOPPING_MARGIN;
+                let stopping = 0.5 * bodies[own].velocity.powi(2) / EXPECTED_DECELERATION + STOPPING_MARGIN;
                 let s = (barrier.s - margin).max((drive.front() + stopping).min(barrier.s));
                 *barrier = Barrier { s, by, reason: BarrierReason::Agreement, ..*barrier };
             }

@@ -3,7 +3,7 @@
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED, could_stop, reverses};
-use crate::control::{Signal, Turn};
+use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
@@ -291,8 +291,7 @@ impl World {
             base += self.scenario.road.lanelets()[*lanelet].length;
             for line in control.lines.iter().filter(|line| line.lanelet == *lanelet) {
                 let Some((_, lights)) = line.lights.iter().find(|(next, _)| next == following) else { continue };
-                let is_free = matches!(control.signal(lights, self.time_step), Signal::Green | Signal::Dark);
-                if is_free || line.turns_on_red.contains(following) {
+                if control.signal(lights, self.time_step).lets_go() || line.turns_on_red.contains(following) {
                     continue;
                 }
                 let distance = length + center.project(line.ends[0].lerp(line.ends[1], 0.5)).s - front;

@@ -3,7 +3,7 @@
 
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
-use crate::conduct::{COMFORTABLE_DECELERATION, FIRM_DECELERATION};
+use crate::conduct::{EXPECTED_DECELERATION, FIRM_DECELERATION};
 use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
@@ -104,8 +104,7 @@ impl World {
         let (velocity, front) = (self.speed(drive), drive.front());
         let mut found = self.crosswalks_near(drive).filter_map(|(place, crosswalk)| {
             // An agent that began to stop goes on with it: brakes need a moment.
-            let deceleration =
-                if drive.crosswalk == Some(place) { FIRM_DECELERATION } else { COMFORTABLE_DECELERATION };
+            let deceleration = if drive.crosswalk == Some(place) { FIRM_DECELERATION } else { EXPECTED_DECELERATION };
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
             }

@@ -8,7 +8,7 @@ use super::settings::PdmWeights;
 use crate::geometry::Point;
 use crate::geometry::shape::OrientedBox;
 
-/// Slower vehicles stand [m/s].
+/// Slower vehicles stand [m/s], as in the published scoring.
 const STANDING: f64 = 5e-3;
 /// Another participant is ahead within this angle to the heading, and behind beyond that one (cosines of 30, 150 degrees).
 const AHEAD_COSINE: f64 = 0.866_025_403_784_438_6;

@@ -3,7 +3,7 @@
 use super::super::car_following::CarFollowing;
 use crate::settings::{NOT_NEGATIVE, between, positive, settings};
 
-/// Car following of the published configuration.
+/// Car following of the published configuration, which does not follow what is expected elsewhere.
 const LAW: CarFollowing =
     CarFollowing { time_gap: 1.5, minimum_gap: 1.0, acceleration: 1.5, deceleration: 3.0, exponent: 10.0 };
 

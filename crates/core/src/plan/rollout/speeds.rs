@@ -9,7 +9,7 @@ use super::super::speed_profile::SpeedProfile;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutWeights;
 use super::start::Start;
-use crate::conduct::{FIRM_DECELERATION, FOLLOWER_COSINE, STATIONARY_SPEED};
+use crate::conduct::{EXPECTED_DECELERATION, FIRM_DECELERATION, FOLLOWER_COSINE, STATIONARY_SPEED};
 use crate::geometry::Point;
 
 /// A desired speed is reached with this time constant [s].
@@ -18,8 +18,10 @@ const LAG: f64 = 0.7;
 const BRAKING_SHARE: f64 = 1.3;
 /// A vehicle that is faster than it wishes by this and the comfortable deceleration in a second brakes harder [m/s].
 const EXCESS: f64 = 1.0;
-/// The jerk of braking that is harder than this is not limited [m/s²]: barriers are told as long as 3 m/s² suffice.
+/// The jerk of braking that is harder than this is not limited [m/s²]: barriers are told as long as the braking that
+/// is expected suffices.
 const NEEDED_BRAKING: f64 = 2.5;
+const _: () = assert!(NEEDED_BRAKING < EXPECTED_DECELERATION);
 /// An agent whose centre exceeds the speed limit by more than this [m/s] brakes at once, with at least this [m/s²]. The
 /// monitor counts it as speeding otherwise.
 const SPEEDING: (f64, f64) = (0.5, 1.2);
