@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from tests.support import commonroad_documents as cr
 
+from interdrive import _core
 from interdrive.files import read_scenario
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario import SIGNALS
-from interdrive.scenario.control import shown_at_lines, shown_together
+from interdrive.scenario.control import GOING_SIGNALS, shown_at_lines, shown_together
 from interdrive.scenario.native import core_road, core_scenario
+from interdrive.scenario.signs import GREEN_ARROW_NUMBER, PRIORITY_SIGNS, SIGN_KINDS, sign_of
 
 STOP_LINE = "<stopLine>{}<lineMarking>solid</lineMarking>{}</stopLine>"
 
@@ -227,6 +229,30 @@ def test_a_sign_of_priority_counts_at_the_end_of_its_lanelet(read, country, sign
     text = junction('<trafficSignRef ref="7"/>', cr.sign(7, sign)).replace("ZAM_Test", f"{country}_Test")
     assert text.count(f"{country}_Test") == 1
     assert dict(read(text).priorities.ranks) == ({} if rank is None else {1: rank})
+
+
+@pytest.mark.parametrize("sign", PRIORITY_SIGNS, ids=lambda sign: sign.name)
+def test_the_numbers_of_a_sign_of_priority_count_in_every_country(read, sign):
+    for number in sign.numbers:
+        for country in ("DEU", "FRA"):
+            text = junction('<trafficSignRef ref="7"/>', cr.sign(7, number)).replace("ZAM_Test", f"{country}_Test")
+            assert dict(read(text).priorities.ranks) == {1: sign.ranks}, (country, number)
+
+
+def test_without_a_sign_a_way_is_worth_more_than_with_one_to_give_way_and_less_than_with_priority():
+    stop, give_way, priority = (sign_of(kind).ranks for kind in SIGN_KINDS)
+    for turn in range(3):
+        assert stop[turn] < give_way[turn] < _core.RANK_WITHOUT_SIGN < priority[turn]
+    assert stop == (_core.STOP_RANK,) * 3
+
+
+def test_a_number_is_that_of_one_sign():
+    numbers = [number for sign in PRIORITY_SIGNS for number in sign.numbers]
+    assert len(numbers) == len(set(numbers)) and GREEN_ARROW_NUMBER not in numbers
+
+
+def test_green_and_dark_lights_let_go():
+    assert {SIGNALS[code] for code in GOING_SIGNALS} == {"green", "dark"}
 
 
 def test_the_side_of_driving_follows_from_neighbours_and_else_from_the_country(read):

@@ -196,6 +196,8 @@ def test_scenarios_with_random_control_are_the_same_after_writing_and_reading(tm
         ({"traffic_lights": (TrafficLight(90, (("red", -5), ("green", 3)), position=(0.0, 0.0)),)}, "traffic_lights"),
         ({"incomings": (Incoming(61, 60, (1,), (2, 3)),)}, "turns"),
         ({"crosswalks": (77,)}, "crosswalks"),
+        # No sign has these ranks.
+        ({"priorities": Priorities(ranks=((1, (3, 4, 3)),))}, "ranks"),
         ({"planning_problems": (problem(100, 5.0, goal=(90.0, 0.0), time_step=(0, 150)),)}, "planning_problems"),
     ],
 )

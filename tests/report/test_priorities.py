@@ -10,9 +10,10 @@ from packed import unpacked
 
 from interdrive.report.contents import run_contents
 from interdrive.report.packing import Packer
-from interdrive.report.priorities import GIVE_WAY, PRIORITY, STOP, pack_priorities, signs, waiting_ways
+from interdrive.report.priorities import pack_priorities, signs, waiting_ways
 from interdrive.scenario import StopLine, TrafficLight
 from interdrive.scenario.control import Priorities
+from interdrive.scenario.signs import SIGN_KINDS
 from interdrive.simulation import simulate
 from interdrive.testing import crossing, problem, straight_road, world
 
@@ -25,6 +26,10 @@ def cross(**priorities):
     return replace(world(crossing(), problems=[agent]), priorities=Priorities(**priorities))
 
 
+def kinds_of(scenario):
+    return [SIGN_KINDS[code] for code in signs(scenario)[1]]
+
+
 def test_without_signs_the_way_from_the_left_has_teeth_where_the_area_begins():
     np.testing.assert_allclose(waiting_ways(cross()), [[-1.1, 0.0, 0.0]], atol=0.02)
 
@@ -32,14 +37,14 @@ def test_without_signs_the_way_from_the_left_has_teeth_where_the_area_begins():
 def test_a_way_with_priority_has_a_sign_and_the_other_one_the_teeth():
     scenario = cross(ranks=((EAST, (4, 5, 4)),))
     np.testing.assert_allclose(waiting_ways(scenario), [[0.0, -1.1, np.pi / 2]], atol=0.02)
-    assert signs(scenario)[1].tolist() == [PRIORITY]
+    assert kinds_of(scenario) == ["priority"]
 
 
 @pytest.mark.parametrize(("left_hand", "y"), [(False, -2.95), (True, 2.95)])
 def test_signs_stand_on_the_side_of_driving_beside_the_end_of_their_lane(left_hand, y):
-    places, kinds = signs(cross(ranks=((EAST, (1, 1, 1)), (NORTH, (2, 2, 2))), left_hand=left_hand))
-    assert kinds.tolist() == [STOP, GIVE_WAY]
-    np.testing.assert_allclose(places[0], [100.0, y], atol=1e-9)
+    scenario = cross(ranks=((EAST, (1, 1, 1)), (NORTH, (2, 2, 2))), left_hand=left_hand)
+    assert kinds_of(scenario) == ["stop", "yield"]
+    np.testing.assert_allclose(signs(scenario)[0][0], [100.0, y], atol=1e-9)
 
 
 def test_two_crossing_ways_with_lights_have_no_teeth():
@@ -54,7 +59,7 @@ def test_a_page_holds_signs_and_teeth_relative_to_its_origin():
     pack_priorities(packer, cross(ranks=((EAST, (2, 2, 2)),)), np.array([50.0, 1.0]))
     found = unpacked(packer.header, packer.text())
     np.testing.assert_allclose(found["sign_xy"], [[50.0, -3.95]], atol=0.01)
-    np.testing.assert_array_equal(found["sign_kind"], [GIVE_WAY])
+    np.testing.assert_array_equal(found["sign_kind"], [SIGN_KINDS.index("yield")])
     np.testing.assert_allclose(found["wait_xy"], [[-51.1, -1.0]], atol=0.02)
     np.testing.assert_allclose(found["wait_heading"], [0.0], atol=0.001)
 

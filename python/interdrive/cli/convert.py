@@ -9,12 +9,10 @@ import click
 
 from interdrive.cli.terminal import say
 from interdrive.errors import InputError
+from interdrive.scenario.signs import sign_with
 
 if TYPE_CHECKING:
     from interdrive.scenario import Scenario
-
-#: What a yield sign is worth for the way straight on (`Priorities.ranks`).
-_YIELD = 2
 
 
 @click.command()
@@ -106,12 +104,12 @@ def _summary(name: str, scenario: Scenario) -> str:
         f"{metres / 1000.0:.1f} km",
         _counted(sum(map(len, lanelets.successors)), "link"),
     ]
-    ranks = [rank for _, (_, rank, _) in scenario.priorities.ranks]
+    signs = [sign.kind for _, ranks in scenario.priorities.ranks if (sign := sign_with(ranks))]
     for number, what in (
         (len(crossed), "crosswalk"),
         (len(scenario.traffic_lights), "traffic light"),
         (sum(line.has_stop_sign for line in scenario.stop_lines), "stop sign"),
-        (ranks.count(_YIELD), "yield sign"),
+        (signs.count("yield"), "yield sign"),
     ):
         if number:
             counts.append(_counted(number, what))

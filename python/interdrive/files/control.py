@@ -11,6 +11,7 @@ import numpy as np
 from interdrive.files.shapes import name_of
 from interdrive.scenario.control import SIGNALS, TURNS, Priorities, Signal, StopLine, TrafficLight, Turn
 from interdrive.scenario.lanes import driving_side
+from interdrive.scenario.signs import GREEN_ARROW, GREEN_ARROW_NUMBER, PRIORITY_SIGNS, sign_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Mapping, Sequence
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from interdrive.files.facts import Facts
     from interdrive.files.shapes import Foreign
     from interdrive.scenario import Lanelets
+    from interdrive.scenario.signs import Ranks
 
 #: A lanelet that turns by more than this leads to the left or right [rad].
 _TURN = math.radians(25.0)
@@ -33,26 +35,9 @@ _LINE_AWAY = 2.0
 _LINE_NEAR = 10.0
 #: A stop line shorter than this [m], or closer than this to the direction of its lanelet [rad], is noted.
 _LINE_SHORT, _LINE_ALONG = 0.1, math.radians(30.0)
-#: What a sign is worth for a turn to the left, straight on and to the right, by its name in commonroad-io or its id.
-RANKS = {
-    "STOP": (1, 1, 1),
-    "YIELD": (2, 2, 2),
-    "ROUNDABOUT": (2, 2, 2),
-    "PRIORITY": (4, 5, 4),
-    "RIGHT_OF_WAY": (4, 5, 4),
-}
-_NAMES = {
-    **dict.fromkeys(("206", "R1-1", "r2", "2.5"), "STOP"),
-    **dict.fromkeys(("205", "R1-2", "r1", "2.4"), "YIELD"),
-    "215": "ROUNDABOUT",
-    **dict.fromkeys(("306", "2.1"), "PRIORITY"),
-    "301": "RIGHT_OF_WAY",
-    "720": "GREEN_ARROW",
-}
-#: What signs mean for sources of other formats, by their numbers.
-RANK_NAMES = {
-    number: {1: "stop", 2: "yield", 5: "priority"}[RANKS[name][1]] for number, name in _NAMES.items() if name in RANKS
-}
+#: Names of signs by their numbers.
+_NAMES = {number: sign.name for sign in PRIORITY_SIGNS for number in sign.numbers} | {GREEN_ARROW_NUMBER: GREEN_ARROW}
+_STOP = sign_of("stop").name
 #: A vehicle that comes from such a lanelet waits.
 _MINOR = frozenset(("driveWay", "parking", "busStop", "accessRamp", "shoulder"))
 #: Countries by their codes in benchmark ids.
@@ -76,9 +61,9 @@ def control(
     known = {light.id: light for light in lights}
     rows = {number: row for row, number in enumerate(lanelets.ids.tolist())}
     sources = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    stopping = _leading_from(network, lanelets, lambda sign: "STOP" in _names(sign))
+    stopping = _leading_from(network, lanelets, lambda sign: _STOP in _names(sign))
     turns = _stated_turns(network)
-    arrows = _leading_from(network, lanelets, lambda sign: "GREEN_ARROW" in _names(sign))
+    arrows = _leading_from(network, lanelets, lambda sign: GREEN_ARROW in _names(sign))
     on_red = set(sources) if may_turn_on_red(benchmark_id) else arrows
     lines = []
     for number in sorted(sources):
@@ -354,11 +339,11 @@ def priorities(network: Foreign, lanelets: Lanelets, benchmark_id: str, facts: F
         benchmark_id: It begins with the country.
         facts: What commonroad-io does not pass on.
     """
-    ranks: dict[int, tuple[int, int, int]] = {}
+    ranks: dict[int, Ranks] = {}
     # Of several signs at a lanelet the lowest rank counts.
-    for name in sorted(RANKS, key=lambda name: -RANKS[name][1]):
-        here = _leading_from(network, lanelets, lambda sign, name=name: name in _names(sign))  # type: ignore[misc]
-        ranks |= dict.fromkeys(here, RANKS[name])
+    for known in sorted(PRIORITY_SIGNS, key=lambda known: known.ranks[1], reverse=True):
+        here = _leading_from(network, lanelets, lambda sign, name=known.name: name in _names(sign))  # type: ignore[misc]
+        ranks |= dict.fromkeys(here, known.ranks)
     turns: list[tuple[int, Turn]] = sorted(_stated_turns(network).items())
     of_map = priorities_of_map(lanelets, benchmark_id)
     return replace(
@@ -396,7 +381,7 @@ def crosswalks(network: Foreign, lanelets: Lanelets) -> tuple[int, ...]:
 
 def is_priority_sign(sign: Foreign) -> bool:
     """Whether the sign tells which vehicle goes first."""
-    return not RANKS.keys().isdisjoint(_names(sign))
+    return not _names(sign).isdisjoint(known.name for known in PRIORITY_SIGNS)
 
 
 def _names(sign: Foreign) -> set[str]:

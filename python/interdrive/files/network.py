@@ -12,6 +12,7 @@ import numpy as np
 from interdrive.files.control import place_of_sign, turn_of
 from interdrive.scenario import StopLine
 from interdrive.scenario.limits import LARGEST_ID
+from interdrive.scenario.signs import GREEN_ARROW_NUMBER, sign_of, sign_with
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -28,9 +29,6 @@ _DIRECTIONS = {
     frozenset(("straight",)): "straight",
     frozenset(("right",)): "right",
 }
-#: Germany's numbers of signs, which are understood for every country: stop, give way, priority road, green arrow.
-_STOP, _GREEN_ARROW = "206", "720"
-_BY_RANK = {(1, 1, 1): _STOP, (2, 2, 2): "205", (4, 5, 4): "306"}
 
 
 def plain_decimal(value: float) -> str:
@@ -178,13 +176,15 @@ def _add_incoming(
 
 def _add_signs_of_control(root: Element, scenario: Scenario, lanelets: dict[int, Element], taken: set[int]) -> None:
     """Signs of priority, and green arrows where drivers may turn on red."""
-    signs = {number: _BY_RANK[rank] for number, rank in scenario.priorities.ranks if rank in _BY_RANK}
+    stop = sign_of("stop").numbers[0]
+    # Ranks that no sign has are refused by what compares the document with the scenario (`scenario_file.losses`).
+    signs = {number: one.numbers[0] for number, ranks in scenario.priorities.ranks if (one := sign_with(ranks))}
     placed = [(number, sign) for number, sign in sorted(signs.items())]
     for line in scenario.stop_lines:
-        if line.has_stop_sign and signs.get(line.lanelet_id) != _STOP:
-            placed.append((line.lanelet_id, _STOP))
+        if line.has_stop_sign and signs.get(line.lanelet_id) != stop:
+            placed.append((line.lanelet_id, stop))
         if line.turns_on_red:
-            placed.append((line.lanelet_id, _GREEN_ARROW))
+            placed.append((line.lanelet_id, GREEN_ARROW_NUMBER))
     rows = {number: row for row, number in enumerate(scenario.lanelets.ids.tolist())}
     lined = {number for number, lanelet in lanelets.items() if lanelet.find("stopLine") is not None}
     for number, sign in placed:

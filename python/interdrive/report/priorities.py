@@ -9,6 +9,7 @@ import numpy as np
 from interdrive.native_settings import RoadSettings
 from interdrive.scenario.inspection import PRECEDENCE
 from interdrive.scenario.native import core_road, core_scenario
+from interdrive.scenario.signs import SIGN_KINDS, sign_with
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,9 +17,6 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
     from interdrive.report.packing import Packer
     from interdrive.scenario import Scenario
-
-#: Signs, as codes of the page: what they are worth straight on is 1, 2, or more than 3.
-STOP, GIVE_WAY, PRIORITY = range(3)
 
 _ONCOMING = PRECEDENCE.index("left turns wait")
 
@@ -42,22 +40,23 @@ def pack_priorities(packer: Packer, scenario: Scenario, origin: Floats) -> None:
 
 
 def signs(scenario: Scenario) -> tuple[Floats, NDArray[np.int64]]:
-    """Signs of priority beside the ends of their lanelets.
+    """Signs of priority beside the ends of their lanelets. Ranks that no sign has have none.
 
     Returns:
-        Positions in the world's frame [m], shape (signs, 2), and what they are (`STOP`, `GIVE_WAY`, `PRIORITY`).
+        Positions in the world's frame [m], shape (signs, 2), and positions of their kinds in `SIGN_KINDS`.
     """
     lanelets, priorities = scenario.lanelets, scenario.priorities
     row = {number: place for place, number in enumerate(lanelets.ids.tolist())}
     places, codes = [np.empty((0, 2))], []
-    for number, (_, straight, _) in priorities.ranks:
-        if straight in (1, 2) or straight > 3:
+    for number, ranks in priorities.ranks:
+        sign = sign_with(ranks)
+        if sign is not None:
             near, far = lanelets.right[row[number]][-1], lanelets.left[row[number]][-1]
             if priorities.left_hand:
                 near, far = far, near
             across = near - far
             places.append((near + _ASIDE * across / max(float(np.hypot(*across)), 1e-9))[None])
-            codes.append({1: STOP, 2: GIVE_WAY}.get(straight, PRIORITY))
+            codes.append(SIGN_KINDS.index(sign.kind))
     return np.concatenate(places), np.array(codes, dtype=np.int64)
 
 

@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
+from interdrive import _core
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+    from interdrive.scenario.signs import Ranks
 
 #: What a traffic light shows; red and yellow together count as red.
 Signal: TypeAlias = Literal["dark", "green", "yellow", "red"]
@@ -23,6 +27,9 @@ TURNS: tuple[Turn, ...] = ("left", "straight", "right")
 
 #: All signals; the position is the code that crosses the boundary to the core.
 SIGNALS: tuple[Signal, ...] = ("dark", "green", "yellow", "red")
+
+#: Codes of the signals that hold nobody; the others, yellow and red, hold who could still stop.
+GOING_SIGNALS: tuple[int, ...] = tuple(_core.GOING_SIGNALS)
 
 #: Markings that must not be crossed from either side. Of a double line the nearer one counts: its names go from left to
 #: right, so on the left of a lane it is the second one.
@@ -91,7 +98,8 @@ class Priorities:
     Attributes:
         turns: Lanelets that lead across a junction, and their turn, where the file states it.
         ranks: Lanelets that lead to a junction and have a sign, and what it is worth for a turn to the left, straight
-            on and to the right: 1 (stop), 2 (give way), 4 or 5 (priority); without a sign it would be 3.
+            on and to the right: 1 (stop), 2 (give way), 4 or 5 (priority); without a sign it would be 3. Signs and
+            what each is worth are listed in `interdrive.scenario.signs`.
         minor: Lanelets from which others are entered with care: driveways, ramps, bus stops, shoulders.
         left_hand: Vehicles drive on the left.
         priority_side: Without any sign, vehicles from this side go first.
@@ -99,7 +107,7 @@ class Priorities:
     """
 
     turns: tuple[tuple[int, Turn], ...] = ()
-    ranks: tuple[tuple[int, tuple[int, int, int]], ...] = ()
+    ranks: tuple[tuple[int, Ranks], ...] = ()
     minor: tuple[int, ...] = ()
     left_hand: bool = False
     priority_side: Literal["right", "left", "none"] = "right"

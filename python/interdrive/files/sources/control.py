@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from interdrive.files.control import RANKS, lights_of_ways, may_turn_on_red, turn_of
+from interdrive.files.control import lights_of_ways, may_turn_on_red, turn_of
 from interdrive.files.sources.model import Lane
 from interdrive.scenario import StopLine, TrafficLight
 from interdrive.scenario.control import TURNS
 from interdrive.scenario.limits import LARGEST_TIME_STEP
+from interdrive.scenario.signs import sign_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -23,11 +24,10 @@ if TYPE_CHECKING:
     from interdrive.files.sources.model import Light, Roads, Sign
     from interdrive.files.sources.notes import Notes
     from interdrive.scenario import Lanelets, Signal, Turn
+    from interdrive.scenario.signs import Ranks
 
 #: Phases in time steps, and the step at which the first one begins.
 _Cycle: TypeAlias = tuple[tuple[tuple["Signal", int], ...], int]
-#: What signs are worth, by the words of `Sign.kind`; the lowest one of a lane counts.
-_RANKS = {"stop": RANKS["STOP"], "yield": RANKS["YIELD"], "priority": RANKS["PRIORITY"]}
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Control:
 
     lights: tuple[TrafficLight, ...]
     lines: tuple[StopLine, ...]
-    ranks: tuple[tuple[int, tuple[int, int, int]], ...]
+    ranks: tuple[tuple[int, Ranks], ...]
     crosswalks: tuple[int, ...]
     labels: tuple[tuple[int, str], ...]
 
@@ -107,7 +107,8 @@ def control_of(
         for number in sorted({*signs, *lights})
         if (line := _line(number, signs[number], lights[number], built, numbers, clock, benchmark_id)) is not None
     ]
-    ranks = {number: min(_RANKS[sign.kind] for sign in found) for number, found in signs.items() if found}
+    # Of several signs of a lane the lowest rank counts.
+    ranks = {number: min(sign_of(sign.kind).ranks for sign in found) for number, found in signs.items() if found}
     crossed = zip(lanelets.ids.tolist(), lanelets.types, strict=True)
     return Control(
         tuple(built.lights.values()),

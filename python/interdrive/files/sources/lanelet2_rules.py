@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.files.control import RANK_NAMES
 from interdrive.files.sources.model import DARK, Light, Roads, Sign
+from interdrive.scenario.signs import KIND_BY_NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from interdrive.array_types import Floats
     from interdrive.files.sources.model import Lane
     from interdrive.files.sources.notes import Notes
+    from interdrive.scenario.signs import SignKind
 
 #: Signs by the words of maps that name no country's number.
-_WORDS = {"stop_sign": "stop", "stop": "stop", "yield": "yield", "give_way": "yield"}
+_WORDS: dict[str, SignKind] = {"stop_sign": "stop", "stop": "stop", "yield": "yield", "give_way": "yield"}
 _COUNTRY = re.compile(r"(de|us|jp|fr|uk|gb)(?=[0-9r])", re.IGNORECASE)
 #: A lane that no element names ends this near to its line [m], and heads across it by this cosine at most.
 _AT_LINE, _ALONG_LINE = 4.0, 0.6
@@ -87,7 +88,7 @@ def add_rules(
                 roads.lights += [Light(key, approach, ways, line=across, label=label) for approach, ways in approaches]
                 continue
             kind = _kind(rule, tags, signs, roads.lanes[lane])
-            if not kind:
+            if kind is None:
                 notes.leave_out("regulatory elements of other signs", rule.replace("_", " "))
                 break
             # A lane that gives way may lie in the junction.
@@ -101,8 +102,8 @@ def add_rules(
         notes.say(f"{DARK}: {n_lights}")
 
 
-def _kind(rule: str, tags: Mapping[str, str], signs: Sequence[Place], lane: Lane) -> str:
-    """Word of `Sign.kind` for a lane, by the nearest sign of priority; empty: it is another sign."""
+def _kind(rule: str, tags: Mapping[str, str], signs: Sequence[Place], lane: Lane) -> SignKind | None:
+    """What the nearest sign of priority says to a lane; None: it is another sign."""
     if rule == "all_way_stop":
         return "stop"
     end = 0.5 * (lane.left[-1] + lane.right[-1])
@@ -110,12 +111,12 @@ def _kind(rule: str, tags: Mapping[str, str], signs: Sequence[Place], lane: Lane
     if known:
         return min(known, key=lambda pair: float(np.hypot(*(pair[0].points - end).T).min()))[1]
     stated = _meaning(tags.get("sign_type", ""))
-    return stated if stated in ("stop", "yield") else "yield" if rule == "right_of_way" else ""
+    return stated if stated in ("stop", "yield") else "yield" if rule == "right_of_way" else None
 
 
-def _meaning(subtype: str) -> str:
-    """What a sign such as "de206" or "stop_sign" means; empty: nothing here."""
-    return _WORDS.get(subtype) or RANK_NAMES.get(_COUNTRY.sub("", subtype, count=1), "")
+def _meaning(subtype: str) -> SignKind | None:
+    """What a sign such as "de206" or "stop_sign" says of priority."""
+    return _WORDS.get(subtype) or KIND_BY_NUMBER.get(_COUNTRY.sub("", subtype, count=1))
 
 
 def _at_lines(lanes: Sequence[Lane], lines: Sequence[Floats]) -> list[int]:

@@ -11,6 +11,7 @@ from interdrive.files.sources.notes import Notes
 if TYPE_CHECKING:
     from interdrive.array_types import Floats, Ints
     from interdrive.scenario.control import Signal, Turn
+    from interdrive.scenario.signs import SignKind
 
 
 #: Begins the note on lights without a cycle; their number follows.
@@ -52,12 +53,12 @@ class Sign:
 
     Attributes:
         lane: Position of the lane in `Roads.lanes`.
-        kind: "stop", "yield" or "priority".
+        kind: What it says.
         line: Ends of the line before which vehicles stop [m], shape (2, 2); None: the end of the lane.
     """
 
     lane: int
-    kind: str
+    kind: SignKind
     line: Floats | None = None
 
 

@@ -17,13 +17,14 @@ if TYPE_CHECKING:
     from interdrive.files.sources.model import Lane, Roads
     from interdrive.files.sources.notes import Notes
     from interdrive.scenario import Signal, Turn
+    from interdrive.scenario.signs import SignKind
 
 #: An object of betterosi, which has no types.
 Message: TypeAlias = Any
 
 #: Of bulbs that shine together the first one here counts: red and yellow are red.
 _COLOURS: dict[str, Signal] = {"RED": "red", "YELLOW": "yellow", "GREEN": "green"}
-_SIGNS = {"STOP": "stop", "GIVE_WAY": "yield", "ROUNDABOUT": "yield"}
+_SIGNS: dict[str, SignKind] = {"STOP": "stop", "GIVE_WAY": "yield", "ROUNDABOUT": "yield"}
 _PRIORITY = ("RIGHT_OF_WAY_NEXT_INTERSECTION", "RIGHT_OF_WAY_BEGIN")
 #: Turns that the arrows of lights are for, by words of their names; lights without an arrow are for all.
 _ARROWS: dict[str, Turn] = {"LEFT": "left", "STRAIGHT": "straight", "RIGHT": "right"}
@@ -104,7 +105,7 @@ class ControlTrace:
         for sign in self.signs.values():
             said = sign.main_sign.classification if sign.main_sign is not None else None
             name = "" if said is None else _name(said.type)
-            kind = "priority" if name in _PRIORITY else _SIGNS.get(name, "")
+            kind: SignKind | None = "priority" if name in _PRIORITY else _SIGNS.get(name)
             lanes = _lanes(said.assigned_lane_id, places) if said is not None else ()
             if kind and lanes:
                 found += [Sign(lane, kind) for lane in lanes]

@@ -91,8 +91,8 @@ def signs_of(root: Element, places: Mapping[str, int]) -> list[Sign]:
             lanes[edge][start] = None
     found = []
     for edge, stated in letters.items():
-        kind = "stop" if stated <= _STOPS else "yield" if stated <= _YIELDS | _STOPS else ""
-        found += [Sign(lane, kind) for lane in lanes[edge] if kind]
+        if stated <= _YIELDS | _STOPS:
+            found += [Sign(lane, "stop" if stated <= _STOPS else "yield") for lane in lanes[edge]]
     return found
 
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.files.control import RANK_NAMES
 from interdrive.files.sources.control import crosswalk
 from interdrive.files.sources.model import Sign
 from interdrive.files.sources.opendrive.borders import offsets_at, points_at
 from interdrive.files.sources.opendrive.links import LaneKey
 from interdrive.files.sources.opendrive.records import UnusableError, number_of, number_or
+from interdrive.scenario.signs import KIND_BY_NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -73,7 +73,7 @@ def add_signals(
             continue
         number = said.get("type", "") if said.get("country", "").upper() in _CATALOGUES else ""
         signal = _placed(road, element, number, places)
-        if signal is None or number not in (_LIMIT, _STOP_LINE, *RANK_NAMES):
+        if signal is None or number not in (_LIMIT, _STOP_LINE, *KIND_BY_NUMBER):
             others[number] += element is said
         elif number == _LIMIT:
             _set_limits(roads, said, signal, places)
@@ -88,7 +88,7 @@ def add_signals(
         if names[start] == names[end]:
             along[start].append(end)
     for signal in stops:
-        kind = RANK_NAMES[signal.number]
+        kind = KIND_BY_NUMBER[signal.number]
         for key in signal.lanes:
             line = _line_for(signal, key, lines, move) if kind == "stop" else None
             for lane in _ends(signal, key, places[key], before, along, kind):
