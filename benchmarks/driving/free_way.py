@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from interdrive.scenario import SIGNALS
-from interdrive.scenario.control import shown_together
+from interdrive.scenario.control import GOING_SIGNALS, shown_together
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 REACH = 20.0
 #: Bodies are looked at along their axis, in steps of this [m].
 SPACING = 1.0
-
-_GOING = (SIGNALS.index("green"), SIGNALS.index("dark"))
 
 
 def free(run: Run, row: int, route: _core.Route, steps: NDArray[np.int64]) -> Bools:
@@ -52,7 +49,7 @@ def free(run: Run, row: int, route: _core.Route, steps: NDArray[np.int64]) -> Bo
 
 
 def _held_by_light(run: Run, route: _core.Route, front: NDArray[np.float64], steps: NDArray[np.int64]) -> Bools:
-    """Whether a light that is neither green nor dark counts within `REACH` of a front."""
+    """Whether a light that is yellow or red counts within `REACH` of a front."""
     scenario, held = run.scenario, np.zeros(len(steps), dtype=np.bool_)
     lights = {light.id: light for light in scenario.traffic_lights}
     ways = set(route.lanelet_ids)
@@ -64,5 +61,5 @@ def _held_by_light(run: Run, route: _core.Route, front: NDArray[np.float64], ste
         station = route.project(middle[:1], middle[1:])[0][0]
         time_steps = run.states.first_time_step + steps
         shown = shown_together([lights[i] for i in counting], int(time_steps.max(initial=0)) + 1)[time_steps]
-        held |= (station > front) & (station < front + REACH) & ~np.isin(shown, _GOING)
+        held |= (station > front) & (station < front + REACH) & ~np.isin(shown, GOING_SIGNALS)
     return held

@@ -10,8 +10,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.run.arrays import PLAN_STATUS
-from interdrive.scenario import SIGNALS
-from interdrive.scenario.control import shown_together
+from interdrive.scenario.control import GOING_SIGNALS, shown_together
 
 if TYPE_CHECKING:
     from interdrive.array_types import Floats, Ints
@@ -262,8 +261,8 @@ def _is_red(run: RunRecord, agent: AgentRecord, line: StopLine, columns: Ints) -
     ways = taken or [ids for _, ids in line.light_ids]  # a route may end at the line
     steps = run.states.first_time_step + columns
     shown = shown_together([lights[i] for ids in ways for i in ids], int(steps[-1]) + 1)
-    red = np.isin(shown[steps], [SIGNALS.index("red"), SIGNALS.index("yellow")])
-    return bool(2 * np.count_nonzero(red) > len(columns))
+    holding = ~np.isin(shown[steps], GOING_SIGNALS)
+    return bool(2 * np.count_nonzero(holding) > len(columns))
 
 
 def _left_lanelet(run: RunRecord, agent: AgentRecord, row: int, column: int) -> int:

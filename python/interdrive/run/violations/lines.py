@@ -8,7 +8,7 @@ import numpy as np
 
 from interdrive import _core
 from interdrive.scenario import SIGNALS
-from interdrive.scenario.control import shown_together
+from interdrive.scenario.control import GOING_SIGNALS, shown_together
 
 if TYPE_CHECKING:
     from interdrive.array_types import Bools, Ints
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 #: A stop counts if the vehicle stands for so long [s].
 STOP_TIME = 0.3
 
-_RED, _GREEN, _DARK = SIGNALS.index("red"), SIGNALS.index("green"), SIGNALS.index("dark")
+_RED = SIGNALS.index("red")
 
 
 class Passing(NamedTuple):
@@ -47,7 +47,7 @@ class Passing(NamedTuple):
 
     def holds(self, column: int) -> bool:
         """Its light is yellow or red in a column."""
-        return bool(self.shown[column] not in (_GREEN, _DARK))
+        return bool(self.shown[column] not in GOING_SIGNALS)
 
 
 def passings(drives: Drives, scenario: Scenario, road: _core.RoadNetwork) -> list[Passing]:
@@ -121,7 +121,7 @@ def _ways_taken(drives: Drives, line: StopLine, road: _core.RoadNetwork, k: int,
 
 def _last_change(shown: Ints, step: int) -> int:
     """Position at which the light stopped being green or dark for the last time up to `step`."""
-    return _last((shown[: step + 1] == _GREEN) | (shown[: step + 1] == _DARK))
+    return _last(np.isin(shown[: step + 1], GOING_SIGNALS))
 
 
 def _last(holds: Bools) -> int:
