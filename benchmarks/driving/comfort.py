@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 SKIPPED = 1.5
 #: Changes of speed and heading are taken over this time [s].
 SPAN = 0.5
-#: Braking and acceleration across that people hardly ever exceed [m/s²].
+#: Braking and acceleration across that people hardly ever exceed [m/s²], measured on recordings: it does not follow
+#: what agents expect of others.
 COMFORTABLE = 3.0
 
 

@@ -17,6 +17,7 @@ from pace import paces
 from places import category_of
 from realism import Samples, samples_of
 
+from interdrive import _core
 from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InterdriveError
 from interdrive.files import read_scenario
@@ -27,12 +28,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from interdrive import _core
     from interdrive.config.schema import SimulationSettings
     from interdrive.runs import Run
 
-#: An agent stands below the first speed and is slow below the second one [m/s].
-STANDING, SLOW = 0.1, 1.0
+#: An agent stands below the first speed, as it knows itself, and is slow below the second one [m/s].
+STANDING, SLOW = _core.STANDSTILL_SPEED, 1.0
 #: Standing or being slow for longer counts [s].
 LONG = 10.0
 #: Outcomes of agents that arrive.

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive.scoring.free_flow import ACCELERATION, DECELERATION, SPACING, SPEED_MIN
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -25,8 +27,6 @@ SLOW_SHARE = 0.8
 RECORDED_MIN, DRIVEN_MIN = 10.0, 5.0
 #: Metres count as driven from this far before them on [m].
 REACHED = 0.5
-#: Free flow: grid [m], comfortable acceleration and braking [m/s²], least speed [m/s].
-SPACING, ACCELERATION, BRAKING, SPEED_MIN = 0.5, 2.0, 3.0, 0.05
 #: Comfortable acceleration across of light and of heavy vehicles [m/s²].
 ACROSS, ACROSS_HEAVY, HEAVY = 4.0, 3.0, ("truck", "bus", "bicycle")
 #: A stated limit counts up to this far from where it is stated [m]; elsewhere it is this, or the first speed [m/s].
@@ -40,7 +40,7 @@ def free_flow(bound: Floats, speed: float) -> Floats:
         bound: Speed that limits and curves allow at each point [m/s].
         speed: At the first point [m/s]; where it is above the bound, the vehicle brakes comfortably.
     """
-    braking, gaining = 2.0 * BRAKING * SPACING, 2.0 * ACCELERATION * SPACING
+    braking, gaining = 2.0 * DECELERATION * SPACING, 2.0 * ACCELERATION * SPACING
     allowed = bound.tolist()
     for k in range(len(allowed) - 2, -1, -1):
         allowed[k] = min(allowed[k], sqrt(allowed[k + 1] ** 2 + braking))

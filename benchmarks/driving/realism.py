@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from interdrive import _core
     from interdrive.run import States
     from interdrive.runs import Run
     from interdrive.scenario import Obstacles
@@ -25,7 +26,7 @@ SPACING = 0.5
 #: What is compared, and its unit.
 QUANTITIES = {"speed": "m/s", "acceleration": "m/s²", "headway": "s", "lateral offset": "m", "standing time": "s"}
 #: Gaps are looked at this far ahead [m], headways from this speed on [m/s]; below the last speed a vehicle stands.
-HEADWAY_REACH, HEADWAY_SPEED, STANDING = 60.0, 1.0, 0.1
+HEADWAY_REACH, HEADWAY_SPEED, STANDING = 60.0, 1.0, _core.STANDSTILL_SPEED
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import interdrive as idr
+from interdrive import _core
 from interdrive.results import read_results, save
 from interdrive.results.story import story
 from interdrive.scoring import save_score, stored_score
 from interdrive.scoring.faults import FAULT_KINDS
+from interdrive.scoring.hindrance import FORCED_DECELERATION
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
 
@@ -53,6 +55,11 @@ def test_the_recording_itself_gets_everything():
     assert (found.score[0], found.score_1[0], found.excused[0]) == (1.0, 1.0, ())
     assert found.terms["gate_speed"][0] == 1.0, "no lanelet states a limit"
     assert found.why(1) == "full score"
+
+
+def test_a_vehicle_is_forced_by_braking_harder_than_the_rules_expect_of_others():
+    # If what is expected changes, decide whether scores follow, which makes those of before incomparable.
+    assert FORCED_DECELERATION == _core.EXPECTED_DECELERATION
 
 
 def test_who_stands_where_free_flow_drives_has_the_share_of_its_time():

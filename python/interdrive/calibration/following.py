@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from interdrive import _core
 from interdrive.config.drivers import HEADWAY_USUAL, HEADWAYS_KEPT, PARAMETERS
 from interdrive.scenario.known_goals import Temperament, desired_speed
 from interdrive.scenario.native import core_road
@@ -40,9 +41,9 @@ _GAP_MIN, _GAP_WEIGHT = 0.3, 10.0
 NOISY_JERK = 0.8
 #: Slower vehicles have no headway that they keep [m/s].
 _HEADWAY_SPEED = 3.0
-#: As in the core: least gap [m] and speed [m/s] of the law, exponent, noise fades below this speed [m/s] and where it
-#: brakes harder than this [m/s²]; limits of vehicles [m/s²].
-_GAP_LEAST, _SPEED_LEAST, _EXPONENT, _SLOW, _BRAKES, _LIMITS = 0.1, 0.01, 4.0, 2.0, 3.0, (-9.0, 4.0)
+#: As in the core: least gap [m] and speed [m/s] of the law, exponent, noise fades below this speed [m/s]; limits of
+#: vehicles [m/s²].
+_GAP_LEAST, _SPEED_LEAST, _EXPONENT, _SLOW, _LIMITS = 0.1, 0.01, 4.0, 2.0, (-9.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,9 @@ class Following:
             desired_gap = own["minimum_gap"] + np.maximum(speed * (own["time_gap"] + approach), 0.0)
             ratio = np.where(np.isfinite(gap), (desired_gap / gap) ** 2, 0.0)
             wish = _combined(free, ratio, a, drivers.improved)
-            wish = np.where(wish < -_BRAKES, wish, wish + noise[..., point] * np.minimum(speed / _SLOW, 1.0))
+            wish = np.where(
+                wish < -_core.EXPECTED_DECELERATION, wish, wish + noise[..., point] * np.minimum(speed / _SLOW, 1.0)
+            )
             wish = np.clip(wish, *_LIMITS)
             later = speed + wish * GRID
             stops = 0.5 * speed**2 / np.maximum(-wish, 1e-9)

@@ -28,9 +28,6 @@ COSTS = ("JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1")
 #: Those that the site computes for a point mass.
 _POINT_MASS_COSTS = ("JB1", "WX1", "MW1")
 
-#: Below this speed the steering angle is interpolated [m/s].
-_SLOW = 0.1
-
 #: Footprints and starts that differ by less are the same [m].
 _SAME = 1e-3
 
@@ -232,7 +229,7 @@ def steering_angles(velocity: Floats, yaw_rate: Floats, wheelbase: float) -> Flo
         yaw_rate: [rad/s]; nan where it is not known.
         wheelbase: [m].
     """
-    known = (np.abs(velocity) >= _SLOW) & np.isfinite(yaw_rate)
+    known = (np.abs(velocity) > _core.CREEPING_SPEED) & np.isfinite(yaw_rate)
     if not known.any():
         return np.zeros(len(velocity))
     steps = np.arange(len(velocity))

@@ -47,7 +47,7 @@ SIDE = 256
 _REACH, _PIXEL, _SPACING = 64.0, 0.5, 0.4
 #: Grey values of bounds with and without a lanelet beyond.
 _MARKING, _EDGE = 127, 255
-#: Below this speed the heading is kept [m/s].
+#: Below this speed the heading is kept [m/s], as in the published predictor.
 _SLOW = 0.3
 #: Variance of the position of a vehicle that stands [m²].
 _STANDING_VARIANCE = 0.02

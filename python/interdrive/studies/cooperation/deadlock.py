@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
     from interdrive.run import RunRecord, States
 
-#: Below this speed an agent stands [m/s]; least time that counts [s]; distance ahead within which a cause is sought
-#: [m].
-_STANDING, _DURATION, _REACH = 0.3, 10.0, 8.0
+#: Below this speed an agent stands [m/s]: the study's own measure, by which its published tables
+#: count.
+STANDING_SPEED = 0.3
+#: Least time that counts [s]; distance ahead within which a cause is sought [m].
+_DURATION, _REACH = 10.0, 8.0
 #: Points of an outline are this far apart at most [m].
 _SPACING = 0.5
 
@@ -41,7 +43,9 @@ def deadlocks(run: RunRecord) -> tuple[tuple[int, ...], ...]:
     for step in range(window, states.n_steps, max(1, round(1.0 / dt))):
         past = slice(step - window, step + 1)
         still = [
-            row for row in rows if states.valid[row, past].all() and (abs(states.velocity[row, past]) < _STANDING).all()
+            row
+            for row in rows
+            if states.valid[row, past].all() and (abs(states.velocity[row, past]) < STANDING_SPEED).all()
         ]
         causes = {row: set(still) & {_first_ahead(states, row, step), *held(row, step)} for row in still}
         found.update(tuple(sorted(states.participant_id[circle].tolist())) for circle in _circles(causes))

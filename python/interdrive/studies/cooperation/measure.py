@@ -15,7 +15,7 @@ from interdrive.files import open_scenario
 from interdrive.run import PLAN_STATUS
 from interdrive.simulation import simulate
 from interdrive.storage import Column, arrow_table
-from interdrive.studies.cooperation.deadlock import deadlocks
+from interdrive.studies.cooperation.deadlock import STANDING_SPEED, deadlocks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -59,8 +59,8 @@ COLUMNS = (
     ),
 )
 
-#: Speed below which an agent stands [m/s]. A TTC below this is critical [s].
-_STANDING, _CRITICAL = 0.3, 1.5
+#: A TTC below this is critical [s].
+_CRITICAL = 1.5
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _longest_wait(run: Run) -> float:
     """Longest time that an agent stood [s]."""
     longest = 0
     for row in np.flatnonzero(run.states.is_agent):
-        stands = run.states.valid[row] & (abs(run.states.velocity[row]) < _STANDING)
+        stands = run.states.valid[row] & (abs(run.states.velocity[row]) < STANDING_SPEED)
         change = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(int)))
         longest = max(longest, *(change[1::2] - change[::2]).tolist(), 0)
     return longest * run.scenario.dt
