@@ -20,7 +20,7 @@ from interdrive.batches.job import Finished
 from interdrive.cli import main
 from interdrive.cli.batch_report import print_comparison
 from interdrive.comparison import compare
-from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.caveats import is_certain
 from interdrive.comparison.figure import draw_comparison
 from interdrive.comparison.folder import save_comparison
 from interdrive.comparison.intervals import widening
@@ -258,7 +258,7 @@ def test_nothing_is_claimed_about_fewer_than_10_places(tmp_path):
         found = compare(invented(tmp_path / str(n), scattered(n)))
         row = difference(found, "jerk_rms")
         assert row["low"] > 2.5  # the interval alone would say that it is sure
-        assert is_sure(row) is sure
+        assert is_certain(row) is sure
         assert ("**4." in markdown(found).partition("| metric |")[2]) is sure
         figure = draw_comparison(found)
         dot = figure.axes[4].lines[-1]
@@ -270,7 +270,7 @@ def test_an_interval_without_width_is_never_sure(tmp_path):
     found = compare(invented(tmp_path / "batch", scattered(25)))
     row = difference(found, "collisions")
     assert (row["difference"], row["low"], row["high"]) == (100.0, 100.0, 100.0)
-    assert not is_sure(row)
+    assert not is_certain(row)
     assert "**100.00" not in markdown(found).partition("| metric |")[2]
 
 
@@ -293,6 +293,9 @@ def test_the_page_calls_a_planner_better_only_over_enough_scenarios(tmp_path, n_
     [compared, *_] = compared_of(compare(invented(tmp_path / "batch", runs)))
     jerk = compared["headings"].index("jerk [m/s³]")
     assert [row["cells"][jerk]["strong"] for row in compared["rows"]] == [sure, False]
+    # Their intervals have no width, so that nothing is claimed.
+    collisions = compared["headings"].index("collisions per 100")
+    assert not any(row["cells"][collisions]["strong"] for row in compared["rows"])
     one = next(one for one in compared["pairs"][0]["differences"] if one["metric"] == "jerk [m/s³]")
     assert (one["sure"], one["verdict"]) == (sure, "better" if sure else "")
     assert one["low"] <= one["value"] <= one["high"] < 0.0
@@ -367,8 +370,8 @@ def test_what_rounds_to_zero_has_no_sign_and_is_not_sure(tmp_path, apart, text):
     found = compare(invented(tmp_path / "batch", runs))
     row = difference(found, "jerk_rms")
     assert row["low"] < row["high"] < 0.0
-    assert is_sure(row) is text.startswith("-")
-    assert f"| jerk [m/s³] | {f'**{text}**' if is_sure(row) else text} |" in markdown(found)
+    assert is_certain(row) is text.startswith("-")
+    assert f"| jerk [m/s³] | {f'**{text}**' if is_certain(row) else text} |" in markdown(found)
 
 
 @pytest.fixture
@@ -577,7 +580,7 @@ def test_scores_are_those_of_the_command_score_and_pairs_are_adjusted_for_each_o
     for one in batch_scores(folder):
         assert row(found, "all", one.variant)["score"] == pytest.approx(one.score)
     scores = [r for r in found.differences.to_pylist() if r["metric"] == "score"]
-    assert [is_sure(r) for r in scores] == [True, True, False]
+    assert [is_certain(r) for r in scores] == [True, True, False]
     assert scores[0]["p"] > 2.0 / 5001, "three pairs: the rarest p counts threefold"
     [paper] = found.paper
     assert [line[0] for line in paper.rows] == ["a", "b", "c"]

@@ -6,8 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from interdrive.comparison import METRICS
-from interdrive.comparison.caveats import is_sure
-from interdrive.comparison.intervals import PLACES_SURE
+from interdrive.comparison.caveats import is_certain
 from interdrive.comparison.metrics import SHARES
 from interdrive.comparison.tables import meaning_of_bold, metrics_shown, shown
 from interdrive.comparison.variants import ALL
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
 
     from interdrive.comparison import Comparison
     from interdrive.comparison.metrics import Metric
-    from interdrive.report.contract import Cell, Compared, ComparedRow, Difference, Pair
+    from interdrive.report.contract import Compared, ComparedRow, Difference, Pair
 
     Rows = Sequence[dict[str, Any]]
 
@@ -33,8 +32,7 @@ def compared_of(comparison: Comparison | None) -> Iterator[Compared]:
             which = {"traffic": one.traffic, "agents": one.agents, "category": category}
             rows = [row for row in mine if row["category"] == category]
             found = [row for row in differences if which.items() <= row.items() and _is_known(row)]
-            enough = any(row["n_places"] >= PLACES_SURE for row in found)
-            metrics = metrics_shown(rows)
+            metrics, wins = metrics_shown(rows), _wins(found, comparison.level)
             yield {
                 "traffic": one.traffic,
                 "agents": one.agents,
@@ -42,7 +40,7 @@ def compared_of(comparison: Comparison | None) -> Iterator[Compared]:
                 "title": one.title if category == ALL else f"{one.title}: {category}",
                 "size": one.size if category == ALL else "",
                 "headings": [metric.heading for metric in metrics],
-                "rows": [_row(row, rows, metrics, enough=enough) for row in rows],
+                "rows": [_row(row, rows, metrics, wins) for row in rows],
                 "pairs": _pairs(found, comparison.level),
                 "note": _note(found, comparison.level, comparison.group),
             }
@@ -52,24 +50,36 @@ def _is_known(row: dict[str, Any]) -> bool:
     return row["difference"] is not None and math.isfinite(row["difference"]) and row["n_agents"] > 0
 
 
-def _row(row: dict[str, Any], rows: Rows, metrics: Sequence[Metric], *, enough: bool) -> ComparedRow:
-    """A planner among all those of its table; the best values are strong if there are enough scenarios."""
+def _wins(differences: Rows, level: float) -> set[tuple[str, str, str]]:
+    """Metrics with the planner that is certainly better, and the other one."""
+    better = {metric.name: metric.better for metric in METRICS}
+    found = set()
+    for row in differences:
+        gain = better[row["metric"]] * row["difference"]
+        if gain and is_certain(row, level):
+            pair = (row["variant"], row["other"])
+            found.add((row["metric"], *(pair if gain > 0 else pair[::-1])))
+    return found
+
+
+def _row(row: dict[str, Any], rows: Rows, metrics: Sequence[Metric], wins: set[tuple[str, str, str]]) -> ComparedRow:
+    """A planner among all those of its table; a value is strong if it is certainly better than all others."""
+    planner = row["variant"]
+    others = [other["variant"] for other in rows if other["variant"] != planner]
     lost = f" ({row['runs_lost']} lost)" if row["runs_lost"] else ""
     return {
-        "planner": row["variant"],
+        "planner": planner,
         "runs": f"{row['runs']}{lost}",
         "n_agents": row["n_agents"],
         "shares": {metric.column: row[metric.name] for metric in SHARES if row[metric.name]},
-        "cells": [_cell(metric, row, rows, enough=enough) for metric in metrics],
+        "cells": [
+            {
+                "text": shown(metric, row[metric.name]),
+                "strong": bool(others) and all((metric.name, planner, other) in wins for other in others),
+            }
+            for metric in metrics
+        ],
     }
-
-
-def _cell(metric: Metric, row: dict[str, Any], rows: Rows, *, enough: bool) -> Cell:
-    texts = {shown(metric, other[metric.name]) for other in rows}
-    known = [value for other in rows if (value := other[metric.name]) is not None and not math.isnan(value)]
-    best = max(known, key=lambda value: metric.better * value, default=None)
-    strong = enough and metric.better != 0 and len(texts) > 1 and row[metric.name] == best
-    return {"text": shown(metric, row[metric.name]), "strong": strong}
 
 
 def _pairs(rows: Rows, level: float) -> list[Pair]:
@@ -87,7 +97,7 @@ def _pairs(rows: Rows, level: float) -> list[Pair]:
 
 
 def _difference(metric: Metric, row: dict[str, Any], extent: float, level: float) -> Difference:
-    sure, low, high = is_sure(row, level), row["low"], row["high"]
+    sure, low, high = is_certain(row, level), row["low"], row["high"]
     verdict = "better" if metric.better * row["difference"] > 0 else "worse"
     finite = low is not None and math.isfinite(low) and math.isfinite(high)
     return {

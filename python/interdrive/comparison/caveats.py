@@ -24,7 +24,7 @@ _DIGITS = {metric.name: metric.digits for metric in METRICS}
 _EVENTS_MIN = 10
 
 
-def is_sure(row: Mapping[str, Any], level: float = LEVEL) -> bool:
+def is_certain(row: Mapping[str, Any], level: float = LEVEL) -> bool:
     """A difference may be called one: it is of enough places, and its interval has a width and does not contain zero.
 
     Adjusted for all pairs of planners, it must be no chance either. Ends that tables print as zero are zero.

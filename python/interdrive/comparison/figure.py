@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.caveats import is_certain
 from interdrive.comparison.intervals import PLACES_SURE
 from interdrive.comparison.metrics import METRICS, SHARES
 from interdrive.comparison.variants import ALL
@@ -165,7 +165,7 @@ def _draw_differences(
             continue
         if row["low"] is not None:
             panel.plot([row["low"], row["high"]], [place, place], color=_BLUE, linewidth=1.2, solid_capstyle="butt")
-        face = _BLUE if is_sure(row, level) else "white"
+        face = _BLUE if is_certain(row, level) else "white"
         panel.plot(row["difference"], place, "o", markersize=3.4, color=_BLUE, markerfacecolor=face)
 
 

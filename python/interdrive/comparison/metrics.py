@@ -28,13 +28,13 @@ class Metric:
         name: In tables.
         heading: For people, with unit.
         column: Of the data set; an outcome counts the agents that ended so.
+        better: +1: more is better, -1: less is better, 0: neither by itself.
         outcome: Whether `column` is an outcome.
         off_lanelets_max: It counts only if the body never reached further beyond the lanelets [m].
         scale: Values are multiplied by this.
         absent: Value of agents without one; nan: they do not count.
         median: Agents are put together by their median, otherwise by their mean.
         by_file: The mean is over files of the means of their agents, as `interdrive score` and `benchmark` have it.
-        better: +1: more is better, -1: less is better, 0: neither by itself.
         rule: Whether it counts violations of one rule of the road.
         traffic: Whether it is about the generated traffic around agents, which few batches have.
         digits: Behind the point.
@@ -44,13 +44,13 @@ class Metric:
     name: str
     heading: str
     column: str
+    better: int
     outcome: bool = False
     off_lanelets_max: float = float("inf")
     scale: float = 1.0
     absent: float = float("nan")
     median: bool = False
     by_file: bool = False
-    better: int = -1
     rule: bool = False
     traffic: bool = False
     digits: int = 1
@@ -89,40 +89,45 @@ ON_LANELETS = 0.1
 
 #: In the order of tables. Shares and rates are per agent under test.
 METRICS = (
-    Metric("score", "score", "score", scale=100.0, by_file=True, better=1),
+    Metric("score", "score", "score", better=1, scale=100.0, by_file=True),
     Metric("pace", "pace", "pace", better=1, digits=2),
     Metric("hindrance", "hindrance", "hindrance", better=1, digits=2),
-    Metric("score_1", "score 1", "score_1", scale=100.0, by_file=True, better=1),
-    Metric("at_fault", "at fault per 100", "fault", scale=100.0, digits=2),
-    Metric("goal_reached", "reached %", "goal_reached", outcome=True, scale=100.0, better=1),
+    Metric("score_1", "score 1", "score_1", better=1, scale=100.0, by_file=True),
+    Metric("at_fault", "at fault per 100", "fault", better=-1, scale=100.0, digits=2),
+    Metric("goal_reached", "reached %", "goal_reached", better=1, outcome=True, scale=100.0),
     Metric(
         "goal_reached_on_lanelets",
         "reached on lanelets %",
         "goal_reached",
+        better=1,
         outcome=True,
         off_lanelets_max=ON_LANELETS,
         scale=100.0,
-        better=1,
     ),
-    Metric("goal_reached_late", "late %", "goal_reached_late", outcome=True, scale=100.0, better=0),
-    Metric("time_limit", "time limit %", "time_limit", outcome=True, scale=100.0),
-    Metric("goal_missed", "missed %", "goal_missed", outcome=True, scale=100.0),
-    Metric("infeasible", "infeasible %", "infeasible", outcome=True, scale=100.0),
-    Metric("planner_error", "broken %", "planner_error", outcome=True, scale=100.0),
-    Metric("collisions", "collisions per 100", "collision", outcome=True, scale=100.0, digits=2),
-    Metric("preventable_cc", "of them cc avoids per 100", "preventable_cc", scale=100.0, absent=0.0, digits=2),
-    Metric("violations", "violations per 100", "violations", scale=100.0),
-    *(Metric(f"n_{name}", name.replace("_", " "), f"n_{name}", scale=100.0, rule=True) for name in VIOLATIONS),
-    Metric("harm", "harm per 100", "harm", scale=100.0, absent=0.0, digits=3),
-    Metric("ttc_min", "min TTC [s]", "ttc_min", median=True, better=1, digits=2, measure=measure_named("ttc")),
-    Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", scale=100.0, digits=2),
-    Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", digits=2),
-    Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", digits=2),
-    Metric("plan_ms", "plan [ms]", "plan_seconds", scale=1000.0, digits=3),
+    Metric("goal_reached_late", "late %", "goal_reached_late", better=0, outcome=True, scale=100.0),
+    Metric("time_limit", "time limit %", "time_limit", better=-1, outcome=True, scale=100.0),
+    Metric("goal_missed", "missed %", "goal_missed", better=-1, outcome=True, scale=100.0),
+    Metric("infeasible", "infeasible %", "infeasible", better=-1, outcome=True, scale=100.0),
+    Metric("planner_error", "broken %", "planner_error", better=-1, outcome=True, scale=100.0),
+    Metric("collisions", "collisions per 100", "collision", better=-1, outcome=True, scale=100.0, digits=2),
+    Metric(
+        "preventable_cc", "of them cc avoids per 100", "preventable_cc", better=-1, scale=100.0, absent=0.0, digits=2
+    ),
+    Metric("violations", "violations per 100", "violations", better=-1, scale=100.0),
+    *(
+        Metric(f"n_{name}", name.replace("_", " "), f"n_{name}", better=-1, scale=100.0, rule=True)
+        for name in VIOLATIONS
+    ),
+    Metric("harm", "harm per 100", "harm", better=-1, scale=100.0, absent=0.0, digits=3),
+    Metric("ttc_min", "min TTC [s]", "ttc_min", better=1, median=True, digits=2, measure=measure_named("ttc")),
+    Metric("ttc_critical", "TTC < 2 s %", "ttc_critical", better=-1, scale=100.0, digits=2),
+    Metric("jerk_rms", "jerk [m/s³]", "jerk_rms", better=-1, digits=2),
+    Metric("lateral_acceleration_rms", "lat. acc. [m/s²]", "lateral_acceleration_rms", better=-1, digits=2),
+    Metric("plan_ms", "plan [ms]", "plan_seconds", better=-1, scale=1000.0, digits=3),
     Metric("traffic_flow", "traffic flow [1/h]", "traffic_flow", better=1, by_file=True, traffic=True, digits=0),
     Metric("traffic_speed", "traffic speed [m/s]", "traffic_speed", better=1, by_file=True, traffic=True, digits=2),
-    Metric("traffic_wait", "traffic waits [s]", "traffic_wait", by_file=True, traffic=True),
-    Metric("traffic_queue", "queue", "traffic_queue", by_file=True, traffic=True),
+    Metric("traffic_wait", "traffic waits [s]", "traffic_wait", better=-1, by_file=True, traffic=True),
+    Metric("traffic_queue", "queue", "traffic_queue", better=-1, by_file=True, traffic=True),
 )
 
 #: Those that are stacked: every agent counts in exactly one of them.

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from interdrive.comparison.caveats import is_sure
+from interdrive.comparison.caveats import is_certain
 from interdrive.comparison.intervals import PLACES_SURE
 from interdrive.comparison.metrics import METRICS
 from interdrive.comparison.variants import ALL
@@ -111,7 +111,7 @@ def _of_differences(rows: Sequence[dict[str, Any]], metrics: Sequence[Metric], l
             row = at[metric.name, one, other]
             low, high = shown(metric, row["low"]), shown(metric, row["high"])
             interval = f" [{low}, {high}]" if row["low"] is not None else ""
-            cells.append(Cell(shown(metric, row["difference"]) + interval, is_sure(row, level)))
+            cells.append(Cell(shown(metric, row["difference"]) + interval, is_certain(row, level)))
         lines.append(tuple(cells))
     head = ("metric", *(f"{one} − {other}" for one, other in pairs))
     title = f"Differences over all categories, with {100 * level:g} % intervals over {group}s"
