@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
-from itertools import compress
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,11 +30,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Set
     from pathlib import Path
 
-    from interdrive.array_types import Bools, Ints
-    from interdrive.run import Outcomes, States
+    from interdrive.array_types import Ints
+    from interdrive.run import States
     from interdrive.simulation import Simulation
 
-R = TypeVar("R", "Outcomes", "Plans", "States", Violations)
 
 #: A state of a table takes so much memory [B].
 _STATE = 49
@@ -176,7 +174,7 @@ class _Writer:
         if kept.any():
             grids = [name for name, column in Plans.stored.items() if column.axes == "row and point"]
             bare: dict[str, Any] = dict.fromkeys(grids, np.empty((len(plans.time_step), 0)))
-            self._obstructed.append(_rows_of(replace(plans, **bare), kept))
+            self._obstructed.append(replace(plans, **bare).where(kept))
         present = states.participant_id[states.valid[:, -1]] if states.n_steps else states.participant_id
         self._judge(set(present.tolist()) if not end else set(), end=end)
 
@@ -228,13 +226,13 @@ class _Writer:
         world = simulation.world
         found = violations(run, simulation.road, simulation.areas, world.obeying, world.entries(), judged)
         if since is not None:
-            found = _rows_of(found, (found.first_time_step >= since[0]) & (found.first_time_step < since[1]))
+            found = found.where((found.first_time_step >= since[0]) & (found.first_time_step < since[1]))
         if len(found.rule):
             self._violations.append(found)
 
     def _explain(self, run: RunRecord, judged: Set[int]) -> None:
         """Notes why agents ended as they did, and what that did to them."""
-        ended = _rows_of(run.outcomes, np.isin(run.outcomes.agent_id, list(judged)))
+        ended = run.outcomes.where(np.isin(run.outcomes.agent_id, list(judged)))
         one = replace(run, outcomes=ended)
         self._reasons |= dict(zip(ended.agent_id.tolist(), reasons(one, self._simulation.road), strict=True))
         if "collision" in ended.outcome:
@@ -250,8 +248,8 @@ class _Writer:
         return replace(
             self._base,
             agents=agent_records(agents, dict(zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True))),
-            outcomes=_rows_of(outcomes, np.isin(outcomes.agent_id, ids)),
-            states=self._spool.window(_rows_of(whole, np.isin(whole.participant_id, ids)), first, last),
+            outcomes=outcomes.where(np.isin(outcomes.agent_id, ids)),
+            states=self._spool.window(whole.where(np.isin(whole.participant_id, ids)), first, last),
             plans=_joined(self._obstructed),
             orders=self._simulation.orders() if self._simulation.settings.record.orders else None,
         )
@@ -259,7 +257,7 @@ class _Writer:
     def _forget_obstructions(self, ids: Ints) -> None:
         """Gives back the plans of judged participants."""
         whole = _joined(self._obstructed)
-        self._obstructed = [_rows_of(whole, ~np.isin(whole.agent_id, ids))]
+        self._obstructed = [whole.where(~np.isin(whole.agent_id, ids))]
 
     @property
     def _participants(self) -> States:
@@ -303,18 +301,6 @@ class _Writer:
         begin, end = counted_time(run.settings, run.outcomes, (self._first, self._next - 1), self._dt)
         steps = begin / self._dt - 1e-9, end / self._dt - 1e-9
         return flows_of(run.demand, self._spool.mean_speeds(run.demand.agent_id, *steps), begin, end, self._dt)
-
-
-def _rows_of(record: R, rows: Bools) -> R:
-    """The rows of a record for which something holds."""
-    found: dict[str, Any] = {}
-    for one in fields(record):
-        value = getattr(record, one.name)
-        if isinstance(value, np.ndarray):
-            found[one.name] = value[rows]
-        elif isinstance(value, tuple):
-            found[one.name] = tuple(compress(value, rows.tolist()))
-    return replace(record, **found)
 
 
 def _joined(parts: list[Plans]) -> Plans:

@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 from click.testing import CliRunner
-from invented_run import invented_run
+from invented_run import invented_run, outcomes
 
 from interdrive import files, simulation
 from interdrive.cli import main
@@ -185,21 +185,7 @@ def test_of_many_agents_only_those_that_did_not_arrive_are_listed(simulated, her
     n = 100
     outcome = ["goal_reached"] * n
     outcome[41] = "infeasible"
-    many = replace(
-        GOOD.outcomes,
-        agent_id=np.arange(1000, 1000 + n),
-        planner=("frenet",) * n,
-        outcome=tuple(outcome),
-        time_step=np.full(n, 50),
-        partner_id=np.full(n, -1),
-        off_road=np.zeros(n, dtype=bool),
-        impact_speed=np.full(n, np.nan),
-        off_lanelets=np.zeros(n),
-        off_lanelets_s=np.zeros(n),
-        message=("",) * n,
-        reason=("",) * n,
-        traceback=("",) * n,
-    )
+    many = outcomes(np.arange(1000, 1000 + n), outcome, planner=("frenet",) * n, time_step=np.full(n, 50))
     simulated.result = replace(GOOD, outcomes=many, notes=tuple(f"note {k}" for k in range(30)))
     text = invoke("run", "bend.xml").stdout
     assert re.findall(r"^ *(1\d\d\d) ", text, re.M) == ["1041"]

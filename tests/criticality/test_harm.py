@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from invented_run import invented_run
+from invented_run import invented_run, outcomes
 
 from interdrive.criticality import agent_harm, collisions, participant_masses
 from interdrive.results import outcome_table, read_results, save
-from interdrive.run import Outcomes
 
 
 def logistic(z):
@@ -27,19 +26,14 @@ def ended(run, *rows):
     agent, outcome, time_step, partner, off_road, speed = zip(*rows, strict=True)
     return replace(
         run,
-        outcomes=Outcomes(
-            np.array(agent),
-            ("frenet",) * len(rows),
+        outcomes=outcomes(
+            agent,
             outcome,
-            np.array(time_step),
-            np.array(partner),
-            np.array(off_road),
-            np.array(speed, dtype=float),
-            np.zeros(len(rows)),
-            np.zeros(len(rows)),
-            ("",) * len(rows),
-            ("",) * len(rows),
-            ("",) * len(rows),
+            planner=("frenet",) * len(rows),
+            time_step=np.array(time_step),
+            partner_id=np.array(partner),
+            off_road=np.array(off_road),
+            impact_speed=np.array(speed, dtype=float),
         ),
     )
 

@@ -34,20 +34,7 @@ def run():
 
 
 def without_agents(run):
-    none = np.array([], dtype=np.int64)
-    no_agents = replace(
-        run.outcomes,
-        agent_id=none,
-        planner=(),
-        outcome=(),
-        time_step=none,
-        partner_id=none,
-        off_road=none.astype(bool),
-        impact_speed=none.astype(float),
-        off_lanelets=none.astype(float),
-        off_lanelets_s=none.astype(float),
-        message=(),
-    )
+    no_agents = run.outcomes.where(np.zeros(len(run.agents), dtype=bool))
     states = replace(run.states, is_agent=np.zeros(len(run.states.participant_id), dtype=bool))
     return replace(run, agents=(), outcomes=no_agents, states=states, candidates=None, predictions=None)
 

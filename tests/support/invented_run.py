@@ -196,16 +196,28 @@ def plans(recorded, points=31):
     )
 
 
+def outcomes(agent_id, outcome, **columns):
+    """Outcomes of agents; columns that are not named say nothing: no partner, no overhang, no words."""
+    found = {"agent_id": np.asarray(agent_id), "outcome": tuple(outcome), **columns}
+    for name, column in Outcomes.stored.items():
+        nothing = np.full(len(agent_id), column.absent)
+        if column.kind in ("text", "label"):
+            nothing = ("",) * len(agent_id)
+        elif not column.nullable:
+            nothing = np.zeros_like(nothing)
+        found.setdefault(name, nothing)
+    return Outcomes(**found)
+
+
 def invented_run(**changes):
     """The run; `changes` replace its parts."""
     recorded = states()
-    ended = Outcomes(
-        agent_id=np.array([1, 2, 3, 4]),
+    ended = outcomes(
+        [1, 2, 3, 4],
+        ("goal_reached", "collision", "goal_reached_late", "planner_error"),
         planner=("frenet",) * 4,
-        outcome=("goal_reached", "collision", "goal_reached_late", "planner_error"),
         time_step=np.array([59, 47, 59, 39]),
         partner_id=np.array([-1, 22, -1, -1]),
-        off_road=np.array([False] * 4),
         impact_speed=np.array([np.nan, 17.0, np.nan, np.nan]),
         off_lanelets=np.array([0.0, 0.0, 0.25, 0.0]),
         off_lanelets_s=np.array([0.0, 0.0, 1.5, 0.0]),

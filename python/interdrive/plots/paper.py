@@ -90,21 +90,7 @@ def draw_trajectories(run: RunRecord, agents: Sequence[int] | None = None, *, co
         InputError: An id that is not an agent of the run.
     """
     shown = chosen_agents(run, agents)
-    kept = np.isin(run.outcomes.agent_id, shown)
-    rows = np.flatnonzero(kept).tolist()
-    ended = run.outcomes
-    outcomes = replace(
-        ended,
-        planner=tuple(ended.planner[row] for row in rows),
-        outcome=tuple(ended.outcome[row] for row in rows),
-        message=tuple(ended.message[row] for row in rows),
-        reason=tuple(ended.reason[row] for row in rows),
-        agent_id=ended.agent_id[kept],
-        time_step=ended.time_step[kept],
-        partner_id=ended.partner_id[kept],
-        off_road=ended.off_road[kept],
-        impact_speed=ended.impact_speed[kept],
-    )
+    outcomes = run.outcomes.where(np.isin(run.outcomes.agent_id, shown))
     states = replace(run.states, is_agent=run.states.is_agent & np.isin(run.states.participant_id, shown))
     some = replace(run, states=states, outcomes=outcomes, agents=tuple(a for a in run.agents if a.id in shown))
     others = None if len(shown) == len(run.agents) else "other vehicles"

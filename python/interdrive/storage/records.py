@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import Field, replace
+from dataclasses import Field, fields, replace
 from inspect import cleandoc
+from itertools import compress
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Self
 
+    from interdrive.array_types import Bools
     from interdrive.storage.tables import ArrowTable
 
 _TYPES = {"integer": np.int64, "number": np.float64, "truth": np.bool_}
@@ -54,6 +56,21 @@ class Record:
     def arrays(self) -> dict[str, Any]:
         """Arrays by the names of their columns; for a table with a row for each row of the record."""
         return {column.name: getattr(self, name) for name, column in self.stored.items()}
+
+    def where(self, holds: Bools) -> Self:
+        """The record of the rows for which something holds; arrays along points alone stay."""
+        whole: Any = self
+        found: dict[str, Any] = {}
+        for name in (one.name for one in fields(whole)):
+            value, column = getattr(self, name), self.stored.get(name)
+            if column is not None and column.axes == "point":
+                continue
+            if isinstance(value, np.ndarray):
+                found[name] = value[holds]
+            elif isinstance(value, tuple):
+                found[name] = tuple(compress(value, holds.tolist()))
+        made: Self = replace(whole, **found)
+        return made
 
     def spread(self, row: Any, point: Any) -> dict[str, Any]:  # noqa: ANN401 - integer arrays
         """The same for a table with a row for each entry of `row` and `point`, positions in the arrays."""
