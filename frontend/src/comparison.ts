@@ -13,7 +13,7 @@ export function planners({ rows, headings }: Compared): HTMLElement {
     const line = element("tr", {}, element("th", {}, row.planner), element("td", {}, bar(row)));
     line.append(element("td", NUMBER, row.runs), element("td", NUMBER, String(row.n_agents)));
     for (const { text, strong } of row.cells)
-      line.append(element("td", strong ? { class: "number best", title: "the best of these" } : NUMBER, text));
+      line.append(element("td", strong ? { class: "number best", title: "better than all others here, for certain" } : NUMBER, text));
     return line;
   });
   const legend = element("div", { class: "chips legend" });

@@ -129,7 +129,7 @@ export interface Part {
   category: string;
 }
 
-/** A value as it is printed; strong: the best one of its column. */
+/** A value as it is printed; strong: certainly better than all others of its column. */
 export interface Cell {
   text: string;
   strong: boolean;
@@ -341,3 +341,17 @@ export const PREDICTION = "#7a3b8f";
 export const TRAFFIC = "#b4b4b4";
 
 export const STATIC = "#6f6f6f";
+
+export const EVENT_KINDS = [
+  "emergency_braking",
+  "infeasible_plan",
+  "violation",
+  "hold",
+  "critical"
+] as const;
+
+export const SIGN_KINDS = [
+  "stop",
+  "yield",
+  "priority"
+] as const;

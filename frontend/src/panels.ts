@@ -1,14 +1,15 @@
 // The tables beside the map: agents, events, and what the run was made with.
 
 import { agentColor } from "./colors";
-import type { Participant, RunEvent } from "./contract";
+import type { EVENT_KINDS, Participant, RunEvent } from "./contract";
 import { button, element, text, toggle } from "./elements";
 import { FlowPanel } from "./flows";
 import { mark, markIcon } from "./marks";
 import type { Run } from "./run";
 import type { State } from "./state";
 
-const GROUPS: Record<string, string> = {
+/** What else happens than ends. */
+const GROUPS: Record<(typeof EVENT_KINDS)[number], string> = {
   emergency_braking: "emergencies",
   infeasible_plan: "emergencies",
   critical: "critical moments",
@@ -171,7 +172,7 @@ export class Panels {
 
   private events(): HTMLElement {
     const list = element("ol", { class: "events" });
-    const group = (event: RunEvent) => GROUPS[event.kind] ?? "ends";
+    const group = (event: RunEvent) => GROUPS[event.kind as keyof typeof GROUPS] ?? "ends";
     const hidden = new Set<string>();
     this.run.header.events.forEach((event, index) => {
       const time = element("span", { class: "time" }, this.run.time(event.step));

@@ -2,6 +2,7 @@
 
 import type { Camera } from "./camera";
 import type { Theme } from "./colors";
+import { SIGN_KINDS } from "./contract";
 import type { Run } from "./run";
 
 /** Below this scale the symbols would cover the junction [px/m]. */
@@ -21,12 +22,12 @@ function polygon(count: number, turn: number): Corner[] {
   });
 }
 
-/** Stop, give way, priority, in the order of report/priorities.py; y points down. */
-export const SIGNS: { corners: Corner[]; fill: string; rim: string; face: number }[] = [
-  { corners: polygon(8, Math.PI / 8), fill: "#c1121f", rim: "#ffffff", face: 0.86 },
-  { corners: polygon(3, Math.PI / 2), fill: "#ffffff", rim: "#c1121f", face: 0.62 },
-  { corners: polygon(4, 0), fill: "#ffc400", rim: "#ffffff", face: 0.72 },
-];
+/** How the kinds of signs look; y points down. */
+const SIGNS: Record<(typeof SIGN_KINDS)[number], { corners: Corner[]; fill: string; rim: string; face: number }> = {
+  stop: { corners: polygon(8, Math.PI / 8), fill: "#c1121f", rim: "#ffffff", face: 0.86 },
+  yield: { corners: polygon(3, Math.PI / 2), fill: "#ffffff", rim: "#c1121f", face: 0.62 },
+  priority: { corners: polygon(4, 0), fill: "#ffc400", rim: "#ffffff", face: 0.72 },
+};
 
 export function drawPriorities(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number, run: Run, theme: Theme): void {
   if (camera.scale < SCALE_MIN) return;
@@ -58,7 +59,7 @@ function drawSigns(ctx: CanvasRenderingContext2D, camera: Camera, ratio: number,
   ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
   const size = Math.max(SIGN_MIN, SIGN * camera.scale);
   for (let i = 0; i < kind.length; i++) {
-    const { corners, fill, rim, face } = SIGNS[kind[i]];
+    const { corners, fill, rim, face } = SIGNS[SIGN_KINDS[kind[i]]];
     const [x, y] = camera.toScreen(xy[2 * i], xy[2 * i + 1]);
     const trace = (reach: number) => {
       ctx.beginPath();

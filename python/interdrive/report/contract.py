@@ -152,7 +152,7 @@ class Part(TypedDict):
 
 
 class Cell(TypedDict):
-    """A value as it is printed; strong: the best one of its column."""
+    """A value as it is printed; strong: certainly better than all others of its column."""
 
     text: str
     strong: bool

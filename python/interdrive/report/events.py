@@ -45,7 +45,7 @@ class Event:
 
     Attributes:
         step: Column of the states.
-        kind: An outcome, "emergency_braking", "infeasible_plan", "violation", "hold", or "critical".
+        kind: An outcome, or one of `EVENT_MARKS`.
         rows: Rows of the states that it is about, the judged one first.
         text: For people.
         value: Of a measure.
