@@ -127,7 +127,7 @@ class Run(RunRecord):
         """A matplotlib figure of the run, as wide as one or two columns of a paper.
 
         Args:
-            kind: "run", "trajectories", "velocity", "criticality", or "scene@SECONDS" such as "scene@3.5".
+            kind: "run", "trajectories", "velocity", "criticality", "messages", or "scene@SECONDS" such as "scene@3.5".
             agents: Ids of the agents to draw; None: all.
             measures: With "criticality": names of the measures, one panel each.
             columns: 1 (88 mm) or 2 (180 mm); None: what suits the kind.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from interdrive.run import RunRecord
 
-#: Kinds of figures; a scene is at a time in seconds.
+#: Kinds of figures of a run; a scene is at a time in seconds.
 KINDS = ("run", "trajectories", "velocity", "criticality", "messages", "scene@SECONDS")
 
 
