@@ -56,6 +56,25 @@ def test_type_checkers_see_the_names_that_the_package_offers():
         assert getattr(idr, name) is getattr(importlib.import_module(home), name), name
 
 
+def test_what_the_table_of_decisions_names_stands_where_it_says():
+    """`file`: `name`, `name`; of `Class.method` and `Type::function` the last part counts."""
+    table = (ROOT / "ARCHITECTURE.md").read_text().partition("## Where is it decided")[2].partition("## One step")[0]
+    every = (
+        path
+        for folder in ("python/interdrive", "crates/core/src", "crates", "frontend/src", "benchmarks")
+        for path in (ROOT / folder).rglob("*.*")
+    )
+    files = sorted(every, key=lambda path: len(path.parts))
+    answers = re.findall(r"`([\w/]+\.(?:py|rs|ts))`(?:: ((?:`[\w.:]+`(?:, )?)+))?", table)
+    assert len(answers) > 150
+    for path, names in answers:
+        named = next((file for file in files if file.as_posix().endswith(f"/{path}")), None)
+        assert named is not None, path
+        for name in re.findall(r"[\w.:]+", names):
+            last = re.split(r"\.|::", name)[-1]
+            assert re.search(rf"\b{last}\b", named.read_text()), f"{path} has no {name}"
+
+
 def test_the_rust_part_is_the_order_in_lib_rs():
     lib = (ROOT / "crates" / "core" / "src" / "lib.rs").read_text()
     assert RUST[0].startswith("interdrive._core")
