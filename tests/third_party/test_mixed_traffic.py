@@ -10,7 +10,7 @@ MIXED = {1: "frenetix", 4: "reactive", 5: "idm", 7: "frenetix,level=1", 60000: "
 
 
 def test_frenet_frenetix_reactive_and_idm_cross_one_junction_without_contact(scenarios_folder, ends):
-    run = idr.simulate(scenarios_folder / T_JUNCTION, planner=MIXED, threads=1)
+    run = idr.simulate(scenarios_folder / T_JUNCTION, planner=MIXED, threads=1, on_planner_error="raise")
     assert run.outcomes.planner == tuple(choice.partition(",")[0] for choice in MIXED.values())
     assert ends(run)["goal_reached"] >= 3
     other_order = dict(reversed(MIXED.items()))
