@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from obeying import Obeys
 from tests.behaviour.test_crosswalks import driven, meeting
 from tests.behaviour.test_right_of_way import ARMS, lanes
 from tests.behaviour.test_right_of_way import car as arriving
@@ -22,7 +21,6 @@ from interdrive.simulation import Simulation
 from interdrive.testing import check_planner
 from interdrive.testing.worlds import Car, crossing, problem, straight_road, world
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 HALF = 2.25
 RULES = {"rules.precedence": True}
 
@@ -36,16 +34,6 @@ class Ignores:
         heading = np.full(n, ego.orientation)
         x, y = ego.x + way * np.cos(heading), ego.y + way * np.sin(heading)
         return idr.Trajectory(x, y, heading, np.full(n, ego.velocity))
-
-
-@pytest.fixture(scope="module")
-def obeys():
-    """The planner of the example, which its processes find, too."""
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        yield __import__("08_obeying_planner").Obeys
-    finally:
-        sys.path.remove(str(EXAMPLES))
 
 
 def car(agent_id, direction, before, velocity=10.0):
@@ -111,54 +99,54 @@ def light(*phases):
     )
 
 
-def test_of_two_that_arrive_together_the_right_one_goes_first(obeys):
-    run = idr.simulate(met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0)), planner=obeys, settings=RULES, threads=1)
+def test_of_two_that_arrive_together_the_right_one_goes_first():
+    run = idr.simulate(met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0)), planner=Obeys, settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert enters(run, 2) < enters(run, 1) - 1.0, "s"
 
 
-def test_a_sign_to_give_way_turns_the_order_around(obeys):
+def test_a_sign_to_give_way_turns_the_order_around():
     scenario = met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0), priorities=Priorities(ranks=((2, (2, 2, 2)),)))
-    run = idr.simulate(scenario, planner=obeys, settings=RULES, threads=1)
+    run = idr.simulate(scenario, planner=Obeys, settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert enters(run, 1) < enters(run, 2) - 1.0, "s"
 
 
-def test_it_stops_at_red_and_goes_on_at_green(obeys):
-    run = idr.simulate(light(("red", 120), ("green", 900)), planner=obeys, threads=1)
+def test_it_stops_at_red_and_goes_on_at_green():
+    run = idr.simulate(light(("red", 120), ("green", 900)), planner=Obeys, threads=1)
     front = run.states.x[0] + HALF
     assert 98.0 < front[119] < 100.0, "m"
     assert run.outcomes.outcome == ("goal_reached",)
     assert run.violations.rule == ()
 
 
-def test_at_yellow_it_stops_if_it_is_not_too_near(obeys):
+def test_at_yellow_it_stops_if_it_is_not_too_near():
     # It keeps below 10 m/s, for which 16.7 m are needed with 3 m/s².
     for green, stops in [(38, True), (55, False)]:
         phases = (("green", green), ("yellow", 30), ("red", 900))
-        run = idr.simulate(light(*phases), planner=partial(obeys, 10.0), threads=1)
+        run = idr.simulate(light(*phases), planner=partial(Obeys, 10.0), threads=1)
         assert (np.nanmax(run.states.x[0]) + HALF < 100.0) == stops
         assert "red_light" not in run.violations.rule
 
 
-def test_nobody_hits_a_planner_that_does_not_obey(obeys):
+def test_nobody_hits_a_planner_that_does_not_obey():
     scenario = met(car(1, (1, 0), 21.0), car(2, (0, 1), 21.0))
-    planner = {"default": obeys, 1: Ignores}
+    planner = {"default": Obeys, 1: Ignores}
     run = idr.simulate(scenario, agents="all", planner=planner, settings=RULES, threads=1)
     assert run.outcomes.outcome == ("goal_reached", "goal_reached")
     assert enters(run, 1) < enters(run, 2) - 0.5, "the other one goes first by precedence, but waits"
 
 
 @pytest.mark.parametrize("ignoring", [None, 1, 3])
-def test_four_get_through_a_cross_whether_all_obey_or_one_does_not(obeys, ignoring):
+def test_four_get_through_a_cross_whether_all_obey_or_one_does_not(ignoring):
     problems = [arriving(number, way, 20.0, mouth=-3.15) for number, way in enumerate(ARMS, start=1)]
     scenario = world(lanes(*ARMS), problems=problems)
-    planner = {"default": obeys} | ({} if ignoring is None else {ignoring: Ignores})
+    planner = {"default": Obeys} | ({} if ignoring is None else {ignoring: Ignores})
     run = idr.simulate(scenario, planner=planner, settings=RULES, threads=1)
     assert all(outcome.startswith("goal_reached") for outcome in run.outcomes.outcome), run.outcomes.outcome
 
 
-def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
+def test_the_check_warns_of_a_planner_that_breaks_its_word():
     class Promises(Ignores):
         obeys_rules = True
 
@@ -170,7 +158,7 @@ def test_the_check_warns_of_a_planner_that_breaks_its_word(obeys):
     assert texts[2].startswith("a sign to give way") and texts[2].endswith("breaks right_of_way")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_planner(obeys)
+        check_planner(Obeys)
 
 
 def test_the_check_looks_at_the_planner_that_a_factory_makes():
@@ -184,35 +172,35 @@ def test_the_check_looks_at_the_planner_that_a_factory_makes():
         check_planner(partial(Promises, 1))
 
 
-def test_it_stands_at_a_stop_sign_and_goes_on(obeys):
+def test_it_stands_at_a_stop_sign_and_goes_on():
     line = StopLine(1, np.array([[100.0, 1.75], [100.0, -1.75]]), has_stop_sign=True)
-    run = idr.simulate(replace(light(("green", 900)), stop_lines=(line,)), planner=obeys, threads=1)
+    run = idr.simulate(replace(light(("green", 900)), stop_lines=(line,)), planner=Obeys, threads=1)
     front, speed = run.states.x[0] + HALF, run.states.velocity[0]
     assert 98.0 < front[speed < 0.1].max() < 100.0, "m"
     assert run.outcomes.outcome == ("goal_reached",)
     assert run.violations.rule == ()
 
 
-def test_it_keeps_to_a_lower_limit_ahead(obeys):
+def test_it_keeps_to_a_lower_limit_ahead():
     agent = problem(1, 40.0, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
     road = replace(straight_road(), speed_limit=np.array([6.0]))
-    run = idr.simulate(world(road, problems=[agent]), planner=obeys, threads=1)
+    run = idr.simulate(world(road, problems=[agent]), planner=Obeys, threads=1)
     assert np.nanmax(run.states.velocity[0, 60:]) < 6.1, "m/s, 6 s after it came with 10 m/s"
 
 
-def test_it_waits_for_a_person_on_a_crosswalk(obeys):
-    x, velocity, run = driven(meeting(-5.0, 0.8, goal=300), obeys)
+def test_it_waits_for_a_person_on_a_crosswalk():
+    x, velocity, run = driven(meeting(-5.0, 0.8, goal=300), Obeys)
     # The person has left the lane by 2 m at y = 3.75 m, after 10.9 s.
     assert 97.0 < x[105] < 98.0 and velocity[105] < 0.1, "m before the edge at 98 m, m/s"
     assert run.outcomes.outcome == ("goal_reached",)
 
 
 @pytest.mark.parametrize(("heading", "speed"), [(0.0, 6.0), (np.pi, 6.0), (0.5 * np.pi, 6.0)])
-def test_only_a_vehicle_that_drives_along_the_path_is_expected_to_make_room(obeys, heading, speed):
+def test_only_a_vehicle_that_drives_along_the_path_is_expected_to_make_room(heading, speed):
     # 25 m from bumper to bumper, or to the middle of one that crosses.
     agent = problem(1, 40.0, goal=(150.0, 0.0), goal_size=(20.0, 3.5), time_step=(0, 400))
     scenario = world(straight_road(), cars=[Car(9, 40.0 + 25.0 + 2 * HALF, 0.0, speed, heading)], problems=[agent])
     simulation = Simulation(scenario, agents=[1], threads=1)
     scene = simulation.world.scene()
-    plan = obeys().plan(simulation.world.view(scene, 1), None)
+    plan = Obeys().plan(simulation.world.view(scene, 1), None)
     assert (plan.velocity[-1] < 4.0) == (heading != 0.0), f"{plan.velocity[-1]} m/s after 3 s"

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import commonroad_documents as cr
 import numpy as np
 import pytest
+from obeying import Obeys
 from rings import ring
 
 from interdrive import read_scenario, simulate
 from interdrive.scenario import StopLine
 from interdrive.testing import problem, world
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 PLANNERS = ("rollout", "frenet", "idm", "lawful", "idm_mobil", "cc", "obeys")
 #: Where an agent starts [m] and how fast [m/s]; half of its lane change lies at 40, 91, 145, 105 m, the line at 100 m.
 CHANGES = {"before": (20.0, 10.0), "at": (75.0, 8.0), "behind": (60.0, 10.0), "across": (90.0, 2.0)}
@@ -24,15 +22,9 @@ HALF = 2.25
 STOP, RED, TURN = '<trafficSignRef ref="803"/>', '<trafficLightRef ref="901"/>', '<trafficSignRef ref="804"/>'
 
 
-@pytest.fixture(scope="module")
-def planner_of():
+def planner_of(name):
     """A planner by its name; that of the example obeys the rules, too."""
-    sys.path.insert(0, str(EXAMPLES))
-    try:
-        obeys = __import__("08_obeying_planner").Obeys
-        yield lambda name: obeys() if name == "obeys" else name
-    finally:
-        sys.path.remove(str(EXAMPLES))
+    return Obeys() if name == "obeys" else name
 
 
 def lanes(number, x, *, before=0, after=0, more="", has_line=False, beside=True):
@@ -87,7 +79,7 @@ every_planner = pytest.mark.parametrize("name", PLANNERS)
 @every_planner
 @every_place
 @either_way
-def test_it_stands_at_the_stop_sign_of_its_lane(tmp_path, planner_of, name, change, to_left):
+def test_it_stands_at_the_stop_sign_of_its_lane(tmp_path, name, change, to_left):
     scenario = road(tmp_path, change, to_left, control=STOP, content=cr.sign(803, 206))
     run = simulate(scenario, planner=planner_of(name), threads=1)
     _, front, velocity = driven(run)
@@ -100,7 +92,7 @@ def test_it_stands_at_the_stop_sign_of_its_lane(tmp_path, planner_of, name, chan
 @every_planner
 @every_place
 @either_way
-def test_it_stands_at_the_red_light_of_its_lane(tmp_path, planner_of, name, change, to_left):
+def test_it_stands_at_the_red_light_of_its_lane(tmp_path, name, change, to_left):
     light = cr.traffic_light(901, ("red", 250), ("green", 600))
     run = simulate(road(tmp_path, change, to_left, control=RED, content=light), planner=planner_of(name), threads=1)
     time, front, _ = driven(run)
@@ -111,7 +103,7 @@ def test_it_stands_at_the_red_light_of_its_lane(tmp_path, planner_of, name, chan
 @every_planner
 @every_change
 @either_way
-def test_it_keeps_to_the_limit_behind_the_line(tmp_path, planner_of, name, change, to_left):
+def test_it_keeps_to_the_limit_behind_the_line(tmp_path, name, change, to_left):
     limit = '<trafficSignRef ref="805"/>'
     scenario = road(tmp_path, change, to_left, behind=limit, content=cr.speed_sign(805, 5.0))
     run = simulate(scenario, planner=planner_of(name), threads=1)
@@ -136,7 +128,7 @@ def test_the_monitor_sees_who_passes_the_red_light_of_its_lane(tmp_path, change,
 @pytest.mark.parametrize("name", ["rollout", "idm", "obeys"])
 @every_change
 @either_way
-def test_it_waits_for_a_person_on_the_crosswalk_behind_the_line(tmp_path, planner_of, name, change, to_left):
+def test_it_waits_for_a_person_on_the_crosswalk_behind_the_line(tmp_path, name, change, to_left):
     walk = cr.lanelet(
         51, left=[(108, -6), (108, 9)], right=[(112, -6), (112, 9)],
         more="<laneletType>crosswalk</laneletType><userBidirectional>pedestrian</userBidirectional>",
@@ -186,7 +178,7 @@ def crossing(folder, change, to_left, shift):
 @pytest.mark.parametrize("name", ["rollout", "idm"])
 @pytest.mark.parametrize("change", [None, "before"])
 @pytest.mark.parametrize("shift", [0.5 * k for k in range(-5, 6)])
-def test_nobody_touches_and_the_car_with_the_sign_waits(tmp_path, planner_of, name, change, shift):
+def test_nobody_touches_and_the_car_with_the_sign_waits(tmp_path, name, change, shift):
     run = simulate(crossing(tmp_path, change, to_left=True, shift=shift), planner=planner_of(name), threads=1)
     assert run.outcomes.outcome == ("goal_reached",) * 2
     assert 2 not in run.orders.agent_id, "it is not told to wait"
@@ -196,7 +188,7 @@ def test_nobody_touches_and_the_car_with_the_sign_waits(tmp_path, planner_of, na
 @every_planner
 @pytest.mark.parametrize("change", ["at", "behind"])
 @either_way
-def test_it_gives_way_from_the_lane_of_its_path(tmp_path, planner_of, name, change, to_left):
+def test_it_gives_way_from_the_lane_of_its_path(tmp_path, name, change, to_left):
     run = simulate(crossing(tmp_path, change, to_left=to_left, shift=0.0), planner=planner_of(name), threads=1)
     assert run.outcomes.outcome == ("goal_reached",) * 2
     assert 1 in run.orders.agent_id, "it is told to wait"
@@ -257,7 +249,7 @@ def turning(folder, change, to_left):
 @every_planner
 @every_change
 @either_way
-def test_it_turns_right_on_red_from_its_lane_after_standing(tmp_path, planner_of, name, change, to_left):
+def test_it_turns_right_on_red_from_its_lane_after_standing(tmp_path, name, change, to_left):
     run = simulate(turning(tmp_path, change, to_left), planner=planner_of(name), threads=1)
     _, front, velocity = driven(run)
     assert np.count_nonzero((velocity < 0.1) & (front > 97.0) & (front < 100.0)) >= 10, "it stands before the line"
@@ -283,7 +275,7 @@ def in_a_ring(start, outward):
 @pytest.mark.parametrize("name", ["idm", "obeys"])
 @pytest.mark.parametrize("start", [0.05, 0.7, 1.2])
 @either_way
-def test_it_stands_at_the_stop_sign_in_a_ring_and_drives_on(planner_of, name, start, to_left):
+def test_it_stands_at_the_stop_sign_in_a_ring_and_drives_on(name, start, to_left):
     run = simulate(in_a_ring(start, outward=not to_left), agents=[1], planner=planner_of(name), threads=1)
     row = run.states.participant_id.tolist().index(1)
     there = run.states.valid[row]
