@@ -118,3 +118,13 @@ def seconds(code: str) -> float:
     words = [sys.executable, "-c", timed]
     runs = [subprocess.run(words, capture_output=True, text=True, check=True, cwd=Path.cwd()) for _ in range(5)]
     return min(float(done.stdout) for done in runs)
+
+
+@pytest.mark.parametrize(("given", "used"), [(None, "1"), ("3", "3")])
+def test_numpy_shares_no_product_among_threads_unless_it_is_told_to(monkeypatch, given, used):
+    """How OpenBLAS shares a product decides its last bits."""
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    if given is not None:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", given)
+    code = TO_THE_END.replace("print(*sys.modules)", "print(os.environ['OPENBLAS_NUM_THREADS'])")
+    assert loaded(code, "--help") == {used}
