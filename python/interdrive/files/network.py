@@ -33,8 +33,10 @@ _DIRECTIONS = {
 
 def plain_decimal(value: float) -> str:
     """A number, exactly, in plain decimal notation, as the format demands."""
-    text = f"{Decimal(repr(float(value))):f}"
-    text = text.rstrip("0").rstrip(".") if "." in text else text
+    text = repr(float(value))
+    if "e" in text:
+        text = f"{Decimal(text):f}"
+    text = text.removesuffix(".0")
     return "0" if text == "-0" else text
 
 
