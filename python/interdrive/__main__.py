@@ -34,8 +34,7 @@ def start() -> NoReturn:
     # does not know.
     os.environ["MPLBACKEND"] = "agg"
     os.environ.pop("SOURCE_DATE_EPOCH", None)
-    # Threads of numpy's BLAS wait busily, and how they share a product decides its last bits; runs have threads of their
-    # own.
+    # Threads of numpy's BLAS wait busily, and how they share a product decides its last bits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_NEW_OBJECTS, 20, 50)
     code: int | str | None = 0

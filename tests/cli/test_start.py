@@ -83,6 +83,7 @@ def test_nothing_is_loaded_before_the_first_step_that_only_the_end_needs(tmp_pat
     assert not any(name.startswith("interdrive.plots") for name in found)
 
 
+@pytest.mark.long
 def test_no_command_that_writes_or_reads_tables_loads_pandas(tmp_path):
     """pyarrow imports it with most conversions, where it is installed: half a second."""
     pytest.importorskip("pandas")

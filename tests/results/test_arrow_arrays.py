@@ -1,10 +1,14 @@
 """Arrow arrays and numpy arrays have the same values, also where values are absent, sliced, in parts or none at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pytest
 
 from interdrive.storage.arrow_arrays import numbers, texts, truths, values_of
+from interdrive.storage.columns import Column
+from interdrive.storage.tables import arrow_table
 
 ABSENT = np.array([False, True, False, False, True, False, False, False, True, False])
 
@@ -67,3 +71,34 @@ def test_values_are_ones_own_to_change():
     table = pa.table({"speed": np.array([1.0, 2.0])})
     values_of(table["speed"])[0] = 7.0
     assert table["speed"].to_pylist() == [1.0, 2.0]
+
+
+ROUTE = Column("lanelets", "integer", "number of lanelets", null="no route")
+SPEED = Column("speed", "number", "speed", unit="m/s")
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "found"),
+    [
+        (ROUTE, np.array([3, -1]), [3, None]),
+        (ROUTE, [3, None], [3, None]),
+        (ROUTE, [3, float("nan")], [3, None]),
+        (ROUTE, np.array([]), []),
+        (ROUTE, np.array([3.0, -1.0, np.nan]), [3, None, None]),
+        (ROUTE, np.array([3, 4], dtype=np.int32), [3, 4]),
+        (replace(ROUTE, null=""), np.array([3, -1]), [3, -1]),
+        (SPEED, np.array([3, 4]), [3.0, 4.0]),
+        (replace(SPEED, null="unknown"), np.array([3.0, np.nan]), [3.0, None]),
+        (replace(SPEED, null="unknown"), [None, 4], [None, 4.0]),
+        (Column("is_agent", "truth", "whether it plans", null="unknown"), [True, None], [True, None]),
+        (Column("reason", "text", "why", null="none"), ["", None], ["", None]),
+        (Column("planner", "label", "name", labels=("a", "b"), coded=True, null="none"), [1, -1], ["b", None]),
+    ],
+)  # fmt: skip
+def test_a_column_takes_arrays_and_lists_and_what_is_absent_in_them_is_null(column, values, found):
+    assert arrow_table([column], {column.name: values})[column.name].to_pylist() == found
+
+
+def test_fractions_are_refused_where_integers_are_meant():
+    with pytest.raises(TypeError, match="column lanelets: float64 with fractions is no integer"):
+        arrow_table([ROUTE], {"lanelets": np.array([1.5])})

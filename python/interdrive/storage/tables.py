@@ -59,16 +59,21 @@ def _array(values: Any, column: Column, field: pa.Field) -> pa.Array:  # noqa: A
         return texts([None if _is_absent(text) else readable(text) for text in values])
     kind: type = {"integer": np.int64, "number": np.float64, "truth": np.bool_}[column.kind]
     if isinstance(values, np.ndarray) and values.dtype != object:
-        absent = values == column.absent if column.kind == "integer" else np.zeros(len(values), dtype=np.bool_)
-        absent &= column.nullable
+        absent = np.zeros(len(values), dtype=np.bool_)
+        if column.nullable:
+            absent = values != values  # noqa: PLR0124 - nan
+        if column.nullable and column.kind == "integer":
+            absent |= values == column.absent
     else:
         absent = np.array([*map(_is_absent, values)], dtype=np.bool_)
         values = np.array([column.absent if gone else one for one, gone in zip(values, absent, strict=True)], kind)
     if column.kind == "truth":
         return truths(values, absent)
-    if column.nullable and column.kind == "number":
-        absent |= np.isnan(values)
-    return numbers(values.astype(kind, casting="same_kind", copy=False), absent)
+    if values.dtype.kind == "f" and column.kind == "integer":
+        values = np.where(absent, column.absent, values)
+        if (values % 1 != 0).any():
+            raise TypeError(f"column {column.name}: {values.dtype} with fractions is no integer")
+    return numbers(values.astype(kind, copy=False), absent)
 
 
 def _is_absent(value: object) -> bool:
