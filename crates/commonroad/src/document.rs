@@ -116,7 +116,7 @@ pub struct Sign {
 /// An element of a sign.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SignElement {
-    /// What it means in the country of the document, or "OTHER" if nothing depends on it.
+    /// What it says of limits in the country of the document, or "OTHER".
     pub name: &'static str,
     /// Its code as written.
     pub code: String,
