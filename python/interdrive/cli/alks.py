@@ -89,7 +89,9 @@ def alks(
         _tell(each)
     if folder is None:
         return
-    _write(folder, found, bounds, _origin(grid, planner, predictor if planners else ""))
+    with progress(quiet=False) as report:
+        origin = _origin(grid, planner, predictor if planners else "")
+        _write(folder, found, bounds, origin, report.say)
     say(f"tables and figures in {shown(folder.resolve())}")
 
 
@@ -151,7 +153,13 @@ def _tell(found: Verdicts) -> None:
     say(text)
 
 
-def _write(folder: Path, found: list[Verdicts], bounds: list[list[dict[str, float]]], origin: Origin) -> None:
+def _write(
+    folder: Path,
+    found: list[Verdicts],
+    bounds: list[list[dict[str, float]]],
+    origin: Origin,
+    say_so: Callable[[str], None],
+) -> None:
     from interdrive.alks import case_figures, table_of  # noqa: PLC0415 - matplotlib
     from interdrive.plots import save_figure  # noqa: PLC0415
     from interdrive.storage import replacing, write_table  # noqa: PLC0415
@@ -168,4 +176,5 @@ def _write(folder: Path, found: list[Verdicts], bounds: list[list[dict[str, floa
     for one, rows in zip(found, bounds or [[]] * len(found), strict=True):
         driver = "".join(letter if letter.isalnum() else "_" for letter in one.driver)
         for name, figure in case_figures(one, rows):
+            say_so(f"drawing {name} with {one.driver}")
             save_figure(figure, folder / f"{name}_{driver}.png")
