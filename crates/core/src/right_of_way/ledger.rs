@@ -5,14 +5,22 @@
 //! by id. An agent may enter if no other has reserved one of its zones meanwhile and there is room behind the passage.
 //! Agents that see different things keep different ledgers. Docs: rules.md.
 
+mod circles;
+mod components;
+mod conditions;
+mod gaps;
+mod groups;
+mod queues;
+mod windows;
+
 use crate::barrier::Barrier;
 use crate::conduct::{CRAWLING_SPEED, EXPECTED_DECELERATION, FIRM_DECELERATION};
 use std::collections::BTreeMap;
 
-use super::components::components;
-use super::traffic::{Ahead, Memory, Order, OrderKind, Reservation, Traffic, Traveller};
-use super::windows::ROOM;
+use super::traffic::{Memory, Order, OrderKind, Reservation, Traffic, Traveller};
 use super::zones::{GAP, MARGIN, PEEK, Passage, SIGN_LEAD, Zone, reach};
+use components::components;
+use windows::ROOM;
 
 /// Tickets are taken at this distance beyond the braking distance [m].
 const TICKET_REACH: f64 = 5.0;
@@ -25,33 +33,43 @@ const STICKY_LAG: f64 = 0.15;
 /// Zones of a passage for which there is memory at first.
 const ZONES_ABOUT: usize = 4;
 
+/// A body on the path of a traveller, its rear not far behind that one's front.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ahead {
+    /// Arc lengths of its front and its rear on the path [m].
+    front: f64,
+    rear: f64,
+    /// Position in `Traffic::bodies`.
+    body: usize,
+}
+
 /// An agent that asks for a passage.
-pub(super) struct Request<'a> {
+struct Request<'a> {
     /// Position in `Traffic::travellers`.
-    pub(super) traveller: usize,
-    pub(super) passage: &'a Passage,
+    traveller: usize,
+    passage: &'a Passage,
     /// What the agent remembers of the passage; its ticket may be of now.
-    pub(super) memory: Memory,
+    memory: Memory,
     /// Requests of agents ahead in its lane; `None`: a vehicle is ahead that asks for nothing.
     ahead: Option<Vec<usize>>,
     /// The next body ahead.
     leader: Option<usize>,
-    pub(super) is_sticky: bool,
-    pub(super) windows: Vec<Reservation>,
+    is_sticky: bool,
+    windows: Vec<Reservation>,
     /// Requests that leave the zones before it, although it could come earlier.
-    pub(super) follows: Vec<usize>,
+    follows: Vec<usize>,
     decision: Option<Decision>,
 }
 
 impl Request<'_> {
-    pub(super) fn is_granted(&self) -> bool {
+    fn is_granted(&self) -> bool {
         self.decision.as_ref().is_some_and(Decision::is_grant)
     }
 }
 
 /// Whether a request is granted; if not, why, because of which body, and for how long [s].
 #[derive(Debug)]
-pub(super) struct Decision {
+struct Decision {
     kind: OrderKind,
     by: Option<usize>,
     delay: f64,
@@ -62,11 +80,11 @@ pub(super) struct Decision {
 }
 
 impl Decision {
-    pub(super) fn grant(before: Vec<usize>, after: Vec<usize>) -> Self {
+    fn grant(before: Vec<usize>, after: Vec<usize>) -> Self {
         Self { before, after, ..Self::wait(OrderKind::Go, None, 0.0) }
     }
 
-    pub(super) fn wait(kind: OrderKind, by: Option<usize>, delay: f64) -> Self {
+    fn wait(kind: OrderKind, by: Option<usize>, delay: f64) -> Self {
         Self { kind, by, delay, before: Vec::new(), after: Vec::new() }
     }
 
@@ -81,107 +99,16 @@ impl Decision {
 }
 
 /// Requests and reservations, as an agent knows of them.
-pub(super) struct Ledger<'a> {
-    pub(super) traffic: &'a Traffic<'a>,
+struct Ledger<'a> {
+    traffic: &'a Traffic<'a>,
     /// Bodies of which it knows, ascending.
     known: &'a [usize],
     /// By traveller the bodies on its path, the nearest rear first.
     queues: &'a [Vec<Ahead>],
-    pub(super) requests: Vec<Request<'a>>,
-    pub(super) reservations: Vec<Reservation>,
+    requests: Vec<Request<'a>>,
+    reservations: Vec<Reservation>,
     /// Room that is reserved behind passages that end on a lanelet [m].
     room: Vec<(usize, f64)>,
-}
-
-impl Traffic<'_> {
-    /// The orders of all travellers that are near a passage, by ids. `sees` says whether the body at the first position
-    /// sees that at the second one.
-    pub fn orders(&self, sees: &dyn Fn(usize, usize) -> bool) -> Vec<Order> {
-        let clusters = self.clusters();
-        let mut is_wanted: Vec<bool> = self.travellers.iter().map(|traveller| self.is_stuck(traveller)).collect();
-        clusters.iter().flatten().for_each(|member| is_wanted[*member] = true);
-        let queues = self.queues(&is_wanted);
-        let mut orders = Vec::new();
-        for members in clusters {
-            let concerned = self.concerned(&members, &queues);
-            let mut ledgers: Vec<(Vec<usize>, Vec<Option<Order>>)> = Vec::new();
-            let mut known: Vec<usize> = Vec::with_capacity(concerned.len());
-            for (place, &member) in members.iter().enumerate() {
-                let viewer = self.travellers[member].body;
-                let is_known = |body: &usize| *body == viewer || sees(viewer, *body);
-                known.clear();
-                known.extend(concerned.iter().copied().filter(is_known));
-                // Agents that see the same bodies keep the same ledger.
-                let order = if let Some((_, found)) = ledgers.iter().find(|(same, _)| *same == known) {
-                    found[place]
-                } else {
-                    let found = Ledger::new(self, &known, &queues).decide(&members);
-                    let order = found[place];
-                    ledgers.push((known.clone(), found));
-                    order
-                };
-                orders.extend(order);
-            }
-        }
-        orders.sort_by_key(|order| order.id);
-        self.break_circles(&mut orders, &queues);
-        orders
-    }
-
-    /// The order of one traveller that knows of all this traffic.
-    pub fn order_of(&self, viewer: usize) -> Option<Order> {
-        let members = self.clusters().into_iter().find(|members| members.contains(&viewer))?;
-        let mut is_wanted: Vec<bool> = self.travellers.iter().map(|traveller| self.is_stuck(traveller)).collect();
-        members.iter().for_each(|member| is_wanted[*member] = true);
-        let queues = self.queues(&is_wanted);
-        let known = self.concerned(&members, &queues);
-        let mut orders: Vec<Order> =
-            Ledger::new(self, &known, &queues).decide(&members).into_iter().flatten().collect();
-        self.break_circles(&mut orders, &queues);
-        let id = self.bodies[self.travellers[viewer].body].id;
-        orders.into_iter().find(|order| order.id == id)
-    }
-
-    /// Bodies that may change the orders of a group of travellers.
-    fn concerned(&self, members: &[usize], queues: &[Vec<Ahead>]) -> Vec<usize> {
-        let own = members.iter().map(|index| self.travellers[*index].body);
-        let ahead = members.iter().flat_map(|index| queues[*index].iter().map(|one| one.body));
-        let zones = members.iter().flat_map(|index| self.travellers[*index].course.zones());
-        let mut crossed: Vec<usize> = zones.map(|zone| zone.area).collect();
-        crossed.sort_unstable();
-        let is_crossed = |area: usize| crossed.binary_search(&area).is_ok();
-        let visiting = self.visits.iter().filter(|visit| is_crossed(visit.zone.area)).map(|visit| visit.body);
-        let mut is_concerned = vec![false; self.bodies.len()];
-        own.chain(ahead).chain(visiting).for_each(|body| is_concerned[body] = true);
-        (0..self.bodies.len()).filter(|body| is_concerned[*body]).collect()
-    }
-
-    /// Travellers near a passage, in groups whose passages belong to the same junctions.
-    fn clusters(&self) -> Vec<Vec<usize>> {
-        let mut clusters: Vec<(Vec<usize>, Vec<usize>)> = Vec::new();
-        for (index, traveller) in self.travellers.iter().enumerate() {
-            let body = &self.bodies[traveller.body];
-            let reach = reach(body.velocity);
-            let passages = &traveller.course.passages[traveller.course.first_passage(traveller.front - body.length)..];
-            let near = passages.iter().take_while(|passage| passage.entry_line - traveller.front <= reach);
-            let mut numbers: Vec<usize> = near.flat_map(|passage| passage.junctions.iter().copied()).collect();
-            if numbers.is_empty() {
-                continue;
-            }
-            let mut members = vec![index];
-            clusters.retain_mut(|(others, theirs)| {
-                let is_apart = !theirs.iter().any(|number| numbers.contains(number));
-                if !is_apart {
-                    members.append(others);
-                    numbers.append(theirs);
-                }
-                is_apart
-            });
-            members.sort_unstable();
-            clusters.push((members, numbers));
-        }
-        clusters.into_iter().map(|(members, _)| members).collect()
-    }
 }
 
 impl<'a> Ledger<'a> {
@@ -199,19 +126,19 @@ impl<'a> Ledger<'a> {
     }
 
     /// Bodies on the path of a traveller whose front is beyond an arc length [m], the nearest one first.
-    pub(super) fn ahead(&self, traveller: usize, beyond: f64) -> impl Iterator<Item = &'a Ahead> {
+    fn ahead(&self, traveller: usize, beyond: f64) -> impl Iterator<Item = &'a Ahead> {
         self.queues[traveller].iter().filter(move |one| one.front > beyond && self.knows(one.body))
     }
 
-    pub(super) fn traveller(&self, request: &Request<'_>) -> &'a Traveller<'a> {
+    fn traveller(&self, request: &Request<'_>) -> &'a Traveller<'a> {
         &self.traffic.travellers[request.traveller]
     }
 
-    pub(super) fn body(&self, request: &Request<'_>) -> usize {
+    fn body(&self, request: &Request<'_>) -> usize {
         self.traveller(request).body
     }
 
-    pub(super) fn velocity(&self, request: &Request<'_>) -> f64 {
+    fn velocity(&self, request: &Request<'_>) -> f64 {
         self.traffic.bodies[self.body(request)].velocity
     }
 

@@ -2,19 +2,14 @@
 //! agent sees, and what it remembers (its arrival, its grant), which is part of the world.
 //!
 //! Best read in this order: `zones` (conflict zones along a way), `traffic` (what a step looks at, what agents are told),
-//! `windows` (when a vehicle is where), `ledger` (requests, reservations, the one order), `gaps` (what fits between
-//! reservations), `conditions` (room, sight), `circles` of waits.
+//! `ledger` (requests, reservations, the one order), and below it `windows` (when a vehicle is where), `gaps` (what fits
+//! between reservations), `conditions` (room, sight), `circles` of waits.
 
-mod circles;
-mod components;
-mod conditions;
-mod gaps;
 mod ledger;
 #[cfg(test)]
 mod rail_tests;
 mod traffic;
 mod ways;
-mod windows;
 mod zones;
 
 pub(crate) use traffic::{Body, Reservation, Traffic, Traveller, Yielding};

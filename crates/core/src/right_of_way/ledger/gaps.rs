@@ -1,10 +1,10 @@
 //! Gaps between reservations: whether the windows of a request fit in, and which vehicle has to leave before which.
 
-use super::ledger::{Decision, Ledger, Request};
-use super::traffic::{OrderKind, Reservation, Traveller, Yielding};
 use super::windows::ROOM;
-use super::zones::{DESIGN_WIDTH, Passage, Zone};
+use super::{Decision, Ledger, Request};
 use crate::junctions::AreaKind;
+use crate::right_of_way::traffic::{OrderKind, Reservation, Traveller, Yielding};
+use crate::right_of_way::zones::{DESIGN_WIDTH, Passage, Zone};
 
 /// Vehicles that merge faster than this follow each other [m/s], entering the merge after this time [s] at least.
 const FOLLOWING: f64 = 2.0;

@@ -1,8 +1,9 @@
 //! When a vehicle uses the zones of its passage.
 
-use super::traffic::{Ahead, Body, Reservation, Traveller, Yielding};
-use super::zones::{MARGIN, Passage, Zone};
+use super::Ahead;
 use crate::conduct::{EARLY_ACCELERATION, LATE_ACCELERATION, STANDSTILL_SPEED, travel_time};
+use crate::right_of_way::traffic::{Body, Reservation, Traveller, Yielding};
+use crate::right_of_way::zones::{MARGIN, Passage, Zone};
 
 /// Room that is left behind a passage and between vehicles beside their lengths [m].
 pub(super) const ROOM: f64 = 1.0;

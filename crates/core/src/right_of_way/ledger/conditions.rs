@@ -1,13 +1,14 @@
 //! What an agent needs to enter besides gaps: room behind its passage, sight through a narrow street, and caution before
 //! what it does not see.
 
+use super::Ahead;
 use super::gaps::{catching_up, slowed};
-use super::ledger::{Ledger, Request};
-use super::traffic::{Ahead, Body, OrderKind};
 use super::windows::ROOM;
-use super::zones::{GAP, MARGIN, Passage, Zone};
+use super::{Ledger, Request};
 use crate::conduct::{FIRM_DECELERATION, STANDSTILL_SPEED, STATIONARY_SPEED};
 use crate::junctions::AreaKind;
+use crate::right_of_way::traffic::{Body, OrderKind};
+use crate::right_of_way::zones::{GAP, MARGIN, Passage, Zone};
 
 /// Vehicles ahead brake so hard at most [m/s²]: they rarely stop where they have just begun to move.
 const BRAKING: f64 = 0.5;

@@ -1,8 +1,9 @@
 //! Circles of agents that wait for each other: which of them may enter although there is no room behind its passage.
 
+use super::Ahead;
 use super::components::components;
-use super::traffic::{Ahead, Order, OrderKind, Traffic, Traveller};
 use crate::conduct::STANDSTILL_SPEED;
+use crate::right_of_way::traffic::{Order, OrderKind, Traffic, Traveller};
 
 /// One that stands this near behind another vehicle waits for it [m].
 const NEAR_DISTANCE: f64 = 3.0;
