@@ -178,10 +178,7 @@ impl Radio {
             let planned = plan.and_then(|plan| Some((plan, self.plan_row(scene, sender, plan, None, more)?)));
             let (row, age) = match planned {
                 Some((plan, row)) => (row, age(plan)),
-                None => {
-                    let object = Object { id, status, is_static: false };
-                    (self.told_row(&object, newest.time_step, id, (scene, road), more), age(newest))
-                }
+                None => (self.told_row(&status, newest.time_step, id, (scene, road), more), age(newest)),
             };
             told.push(Known { id, via: Via::Cam, age, row, seen: None });
         }
@@ -277,9 +274,9 @@ impl Radio {
             return *row;
         }
         let age = (scene.time_step - time_step) as f64 * self.dt;
-        let Object { id, status, is_static } = *object;
-        let state = if is_static { status.state } else { moved(&status, age) };
-        let (kind, shape) = (status.kind, Shape::rectangle(status.length, status.width));
+        let Object { id, kind, is_static, .. } = *object;
+        let state = if is_static { object.state } else { moved(object, age) };
+        let shape = Shape::rectangle(object.length, object.width);
         let row = more.push(Extra { id, kind, state, shape, is_static, sender, age });
         write_told(&mut more.table, row, (kind, is_static), &state, age, (self.dt, road));
         more.told.insert(key, row);

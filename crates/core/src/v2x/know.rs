@@ -1,6 +1,6 @@
 //! What an agent knows about others, and how.
 
-use super::message::Status;
+use super::message::Object;
 use crate::conduct::STANDSTILL_SPEED;
 use crate::trajectory::State;
 
@@ -42,7 +42,7 @@ pub struct Known {
 const STRAIGHT_YAW_RATE: f64 = 1e-3;
 
 /// Where a participant is some time after a state was told [s], at constant speed and yaw rate.
-pub(super) fn moved(told: &Status, age: f64) -> State {
+pub(super) fn moved(told: &Object, age: f64) -> State {
     let state = told.state;
     let (v, w) = (state.velocity, state.yaw_rate);
     if v.abs() < STANDSTILL_SPEED {

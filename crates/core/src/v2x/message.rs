@@ -29,9 +29,11 @@ impl Service {
     pub const ALL: [Self; 3] = [Self::Cam, Self::Mcm, Self::Cpm];
 }
 
-/// A participant and its motion, as stated in a message.
+/// A participant as a message states it: the sender itself, or one that it sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Status {
+pub(crate) struct Object {
+    /// Its id.
+    pub id: i64,
     /// Kind.
     pub kind: ParticipantKind,
     /// Centre of the footprint and motion.
@@ -40,15 +42,6 @@ pub(crate) struct Status {
     pub length: f64,
     /// Width of the bounding box [m].
     pub width: f64,
-}
-
-/// A participant that the sender sees.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Object {
-    /// Its id.
-    pub id: i64,
-    /// What it is and how it moves.
-    pub status: Status,
     /// Never moves.
     pub is_static: bool,
 }
@@ -57,11 +50,11 @@ pub(crate) struct Object {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Payload {
     /// State.
-    Cam(Status),
+    Cam(Object),
     /// State and plan: points `spacing` [s] apart, the first one at the time of sending.
     Mcm {
         /// State.
-        status: Status,
+        status: Object,
         /// The plan is emergency braking.
         is_emergency: bool,
         /// Time between points [s].
@@ -124,7 +117,7 @@ impl Message {
     }
 
     /// State of the sender; `None` if the message does not say it.
-    pub fn status(&self) -> Option<&Status> {
+    pub fn status(&self) -> Option<&Object> {
         match &self.payload {
             Payload::Cam(status) | Payload::Mcm { status, .. } => Some(status),
             Payload::Cpm(_) => None,
@@ -162,9 +155,15 @@ fn size(value: f64) -> f64 {
     (value / 0.1 - 1e-9).ceil() * 0.1
 }
 
-impl Status {
+impl Object {
     /// As it is sent.
-    pub(super) fn rounded(kind: ParticipantKind, state: &State, (length, width): (f64, f64)) -> Self {
+    pub(crate) fn rounded(
+        id: i64,
+        kind: ParticipantKind,
+        state: &State,
+        (length, width): (f64, f64),
+        is_static: bool,
+    ) -> Self {
         let state = State {
             x: rounded(state.x, 0.01),
             y: rounded(state.y, 0.01),
@@ -173,14 +172,7 @@ impl Status {
             acceleration: rounded(state.acceleration, 0.1),
             yaw_rate: rounded(state.yaw_rate, PI / 18_000.0),
         };
-        Self { kind, state, length: size(length), width: size(width) }
-    }
-}
-
-impl Object {
-    /// As it is sent.
-    pub(crate) fn rounded(id: i64, kind: ParticipantKind, state: &State, extent: (f64, f64), is_static: bool) -> Self {
-        Self { id, status: Status::rounded(kind, state, extent), is_static }
+        Self { id, kind, state, length: size(length), width: size(width), is_static }
     }
 }
 

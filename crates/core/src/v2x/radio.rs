@@ -7,7 +7,7 @@ use super::V2xSettings;
 use super::channel::{arrival, reception};
 use super::inbox::Inbox;
 use super::log::{Agreement, Log, Logged, Row};
-use super::message::{Message, Object, Payload, Status, WAY_SPACING, objects_max, plan_point};
+use super::message::{Message, Object, Payload, WAY_SPACING, objects_max, plan_point};
 use super::trigger::Sent;
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -119,7 +119,8 @@ impl Radio {
     pub(crate) fn send(&mut self, now: i64, speakers: Vec<Speaker<'_>>, listeners: &[(usize, Point)]) {
         for mut speaker in speakers {
             let from = speaker.state.pose().position;
-            let status = Status::rounded(speaker.kind, &speaker.state, speaker.extent);
+            let id = self.ids[speaker.place];
+            let status = Object::rounded(id, speaker.kind, &speaker.state, speaker.extent, false);
             if self.settings.cam && self.sent[speaker.place].cam(now, &speaker.state, self.dt) {
                 self.broadcast(now, speaker.place, from, Payload::Cam(status), listeners);
             }
@@ -141,7 +142,7 @@ impl Radio {
     }
 
     /// The message with a speaker's plan, if it is due.
-    fn maneuver(&mut self, now: i64, speaker: &Speaker<'_>, status: Status) -> Option<Payload> {
+    fn maneuver(&mut self, now: i64, speaker: &Speaker<'_>, status: Object) -> Option<Payload> {
         let V2xSettings { plan_spacing: spacing, plan_horizon, mcm_interval, way_ahead, .. } = self.settings;
         let points = &mut self.points;
         sample(speaker.plan, self.dt, (spacing, plan_horizon), points);

@@ -1,5 +1,5 @@
 use super::channel::arrival;
-use super::message::{Message, Status};
+use super::message::Message;
 use super::*;
 use crate::right_of_way::Memory;
 use crate::trajectory::State;
@@ -80,7 +80,7 @@ fn an_object_is_reported_when_it_is_new_or_has_changed_or_after_a_second_and_the
 /// A plan of 16 points and a way of 21, with a request or without.
 fn plan(request: Option<Memory>) -> Message {
     let payload = Payload::Mcm {
-        status: Status::rounded(ParticipantKind::Car, &State::default(), (4.53, 1.8)),
+        status: Object::rounded(1, ParticipantKind::Car, &State::default(), (4.53, 1.8), false),
         is_emergency: false,
         spacing: 0.2,
         points: vec![State::default(); 16],
@@ -130,7 +130,7 @@ fn a_request_is_news_when_it_is_another_one_or_is_granted_and_not_because_its_se
 fn an_older_message_that_arrives_later_is_dropped_and_old_ones_are_forgotten() {
     let mut inbox = inbox::Inbox::new(2);
     let message = |time_step: i64| {
-        let status = Status::rounded(ParticipantKind::Car, &State::default(), (4.5, 1.8));
+        let status = Object::rounded(1, ParticipantKind::Car, &State::default(), (4.5, 1.8), false);
         std::sync::Arc::new(Message { time_step, sender: 1, payload: Payload::Cam(status) })
     };
     let newest = |inbox: &inbox::Inbox| inbox.heard[1][0].as_ref().map(|message| message.time_step);

@@ -110,15 +110,14 @@ impl Sent {
     pub(super) fn objects(&mut self, now: i64, own: &State, seen: Vec<Object>, n_max: usize, dt: f64) -> Vec<Object> {
         let sent = &self.objects;
         let is_due = |object: &Object| {
-            sent.get(&object.id).is_none_or(|(then, state)| {
-                has_changed(&object.status.state, state) || is_due(now, *then, INTERVAL_MAX, dt)
-            })
+            sent.get(&object.id)
+                .is_none_or(|(then, state)| has_changed(&object.state, state) || is_due(now, *then, INTERVAL_MAX, dt))
         };
         let mut due: Vec<Object> = seen.into_iter().filter(is_due).collect();
         if due.len() > n_max {
             let key = |object: &Object| {
                 let then = sent.get(&object.id).map_or(i64::MIN, |(then, _)| *then);
-                (then, object.status.state.pose().position.distance(own.pose().position), object.id)
+                (then, object.state.pose().position.distance(own.pose().position), object.id)
             };
             due.sort_by(|a, b| {
                 let (a, b) = (key(a), key(b));
@@ -129,7 +128,7 @@ impl Sent {
         }
         if !due.is_empty() {
             self.cpm = Some(now);
-            due.iter().for_each(|object| _ = self.objects.insert(object.id, (now, object.status.state)));
+            due.iter().for_each(|object| _ = self.objects.insert(object.id, (now, object.state)));
         }
         due
     }
