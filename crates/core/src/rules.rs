@@ -8,7 +8,8 @@ mod line_memory;
 
 pub(crate) use crate::conduct::{EARLY_ACCELERATION, travel_time};
 pub use blinkers::Turning;
-pub use crosswalks::{Crosswalk, Person};
+pub use crosswalks::Crosswalk;
+pub(crate) use crosswalks::uses_crosswalks;
 pub use line_memory::LineMemory;
 use line_memory::is_near;
 

@@ -4,6 +4,8 @@ use crate::control::Control;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Aabb, Point};
 use crate::road::{RoadNetwork, Segment};
+use crate::trajectory::State;
+use crate::vehicle::ParticipantKind;
 
 /// A vehicle needs a strip of this half width [m]; where it meets a crosswalk, that begins.
 const STRIP: f64 = 1.1;
@@ -25,6 +27,11 @@ const AHEAD: f64 = 3.0;
 /// A bicycle uses the crosswalk if so much of its speed leads across the lane.
 const ACROSS: f64 = 0.7;
 
+/// Participants of a kind use crosswalks: people on foot, and bicycles that ride across.
+pub(crate) fn uses_crosswalks(kind: ParticipantKind) -> bool {
+    matches!(kind, ParticipantKind::Pedestrian | ParticipantKind::Bicycle)
+}
+
 /// A crosswalk on the way of a vehicle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crosswalk {
@@ -38,17 +45,6 @@ pub struct Crosswalk {
     middle: Point,
     left: Point,
     half_lane: f64,
-}
-
-/// A person who may use a crosswalk, or a bicycle.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Person {
-    /// Where they are [m].
-    pub position: Point,
-    /// How they move [m/s].
-    pub velocity: Point,
-    /// On a bicycle.
-    pub rides: bool,
 }
 
 impl Crosswalk {
@@ -84,24 +80,25 @@ impl Crosswalk {
     }
 
     /// A vehicle gives way to people here if they are on the lane, have not left it by 2 m, or are about to walk onto it.
-    pub fn is_used_by(&self, person: &Person) -> bool {
-        let aside = (person.position - self.middle).dot(self.left);
+    pub fn is_used_by(&self, kind: ParticipantKind, state: &State) -> bool {
+        let (position, velocity) = (state.pose().position, Point::from_angle(state.orientation) * state.velocity);
+        let aside = (position - self.middle).dot(self.left);
         let outside = (aside.abs() - self.half_lane).max(0.0);
-        let towards = -person.velocity.dot(self.left) * aside.signum();
-        let speed = person.velocity.norm();
-        if person.rides && (speed < WALKING || towards.abs() < ACROSS * speed) {
+        let towards = -velocity.dot(self.left) * aside.signum();
+        let speed = velocity.norm();
+        if kind == ParticipantKind::Bicycle && (speed < WALKING || towards.abs() < ACROSS * speed) {
             return false;
         }
         if outside <= 0.0 {
-            return self.is_at(person.position);
+            return self.is_at(position);
         }
         if towards.abs() < WALKING {
             return false;
         }
         // Where they reach the lane, or where they left it.
         let time = outside / towards;
-        let is_near = outside <= NEAR_DISTANCE || (time > 0.0 && (time <= AHEAD || self.is_on(person.position)));
-        is_near && self.is_at(person.position + person.velocity * time)
+        let is_near = outside <= NEAR_DISTANCE || (time > 0.0 && (time <= AHEAD || self.is_on(position)));
+        is_near && self.is_at(position + velocity * time)
     }
 
     fn is_on(&self, point: Point) -> bool {
@@ -181,8 +178,8 @@ mod tests {
     }
 
     fn is_used_by((x, y): (f64, f64), (vx, vy): (f64, f64), rides: bool) -> bool {
-        let (position, velocity) = (Point::new(x, y), Point::new(vx, vy));
-        crosswalk().is_used_by(&Person { position, velocity, rides })
+        let state = State { x, y, orientation: vy.atan2(vx), velocity: vx.hypot(vy), ..State::default() };
+        crosswalk().is_used_by(if rides { ParticipantKind::Bicycle } else { ParticipantKind::Pedestrian }, &state)
     }
 
     #[test]

@@ -4,13 +4,12 @@
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{EXPECTED_DECELERATION, FIRM_DECELERATION};
-use crate::geometry::Point;
 use crate::plan::Planner;
 use crate::recording::Wait;
 use crate::right_of_way::{OrderKind, reach};
-use crate::rules::{Crosswalk, Person};
+use crate::rules::{Crosswalk, uses_crosswalks};
 use crate::scene::{Participants, Scene};
-use crate::vehicle::ParticipantKind;
+use crate::trajectory::State;
 
 /// Past steps from which the speed of people is observed.
 const PAST: usize = 3;
@@ -67,7 +66,7 @@ impl World {
             return Vec::new();
         }
         let scene = self.scene_with_past(PAST);
-        let people: Vec<Option<Person>> = scene.present.iter().map(|row| person(&scene, *row)).collect();
+        let people: Vec<Option<State>> = scene.present.iter().map(|row| person(&scene, *row)).collect();
         if people.iter().all(Option::is_none) {
             return Vec::new();
         }
@@ -98,7 +97,7 @@ impl World {
         &self,
         drive: &Drive,
         scene: &Scene,
-        people: &[Option<Person>],
+        people: &[Option<State>],
         visible: &[usize],
     ) -> Option<(i64, usize, Barrier)> {
         let (velocity, front) = (self.speed(drive), drive.front());
@@ -108,7 +107,9 @@ impl World {
             if velocity * velocity > 2.0 * deceleration * (crosswalk.entry - front) {
                 return None;
             }
-            let uses = |place: &&usize| people[**place].is_some_and(|person| crosswalk.is_used_by(&person));
+            let kind = |place: usize| self.participants.kind[scene.present[place]];
+            let uses =
+                |place: &&usize| people[**place].is_some_and(|person| crosswalk.is_used_by(kind(**place), &person));
             let by = Some(self.participants.ids[scene.present[*visible.iter().find(uses)?]]);
             let barrier = Barrier { by, ..Barrier::lasting(crosswalk.entry, BarrierReason::Crosswalk) };
             Some((drive.agent.id, place, barrier))
@@ -119,19 +120,12 @@ impl World {
 
 /// Some participant may use a crosswalk.
 pub(super) fn any_people(participants: &Participants) -> bool {
-    let may_walk = |kind: &ParticipantKind| matches!(kind, ParticipantKind::Pedestrian | ParticipantKind::Bicycle);
-    participants.kind.iter().zip(&participants.is_static).any(|(kind, is_static)| may_walk(kind) && !is_static)
+    participants.kind.iter().zip(&participants.is_static).any(|(kind, is_static)| uses_crosswalks(*kind) && !is_static)
 }
 
-/// On foot or on a bicycle.
-fn person(scene: &Scene, row: usize) -> Option<Person> {
+/// How a participant moves that may use a crosswalk.
+fn person(scene: &Scene, row: usize) -> Option<State> {
     let participants = &scene.participants;
-    let rides = match participants.kind[row] {
-        ParticipantKind::Pedestrian => false,
-        ParticipantKind::Bicycle => true,
-        _ => return None,
-    };
-    let pose = scene.state(row).pose();
-    let velocity = Point::from_angle(pose.orientation) * scene.observed_velocity(row);
-    (!participants.is_static[row]).then_some(Person { position: pose.position, velocity, rides })
+    let may_cross = uses_crosswalks(participants.kind[row]) && !participants.is_static[row];
+    may_cross.then(|| State { velocity: scene.observed_velocity(row), ..scene.state(row) })
 }
