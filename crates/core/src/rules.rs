@@ -7,10 +7,9 @@ mod crosswalks;
 mod line_memory;
 
 pub(crate) use crate::conduct::{EARLY_ACCELERATION, travel_time};
-pub use blinkers::Turning;
-pub use crosswalks::Crosswalk;
-pub(crate) use crosswalks::uses_crosswalks;
-pub use line_memory::LineMemory;
+pub(crate) use blinkers::Turning;
+pub(crate) use crosswalks::{Crosswalk, uses_crosswalks};
+pub(crate) use line_memory::LineMemory;
 use line_memory::is_near;
 
 use crate::conduct::could_stop;
@@ -85,7 +84,7 @@ settings! {
 
 /// Speed limits along a path.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct SpeedLimits {
+pub(crate) struct SpeedLimits {
     /// Limit [m/s] from a multiple of the spacing on, where it changes; infinite where there is none.
     changes: Vec<(usize, f64)>,
 }
@@ -170,7 +169,7 @@ struct Crossing {
 
 /// What the rules of the road say about a path, worked out once.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Way {
+pub(crate) struct Way {
     /// Its speed limits.
     pub limits: SpeedLimits,
     crossings: Vec<Crossing>,
@@ -271,7 +270,7 @@ pub struct Rules<'a> {
     /// What the agent obeys.
     pub settings: &'a RulesSettings,
     /// What they say about its reference path.
-    pub way: &'a Way,
+    pub(crate) way: &'a Way,
     /// Now.
     pub time_step: i64,
     /// When the agent entered.
@@ -341,7 +340,7 @@ impl Rules<'_> {
     /// A light that is not green holds the agent unless it was too near when the light changed: stopping took more than
     /// `EXPECTED_DECELERATION` at its present speed. One that has slowed down since remembers that it was (`passing`), as
     /// long as it still cannot stop.
-    pub fn barriers(&self, way: &Way, front: f64, velocity: f64) -> Barriers {
+    pub(crate) fn barriers(&self, way: &Way, front: f64, velocity: f64) -> Barriers {
         let mut found = Barriers::NONE;
         let mut ahead = way.crossings.iter().filter(|crossing| crossing.s > front);
         let sign = ahead.clone().find(|crossing| self.is_held_by_sign(crossing, front, velocity));
@@ -354,7 +353,7 @@ impl Rules<'_> {
 
     /// An agent with its front at an arc length of a way [m] is about to turn right on red, or has just passed the line: it
     /// goes last.
-    pub fn turns_on_red(&self, way: &Way, front: f64) -> bool {
+    pub(crate) fn turns_on_red(&self, way: &Way, front: f64) -> bool {
         let is_next = |one: &&Crossing| one.s > front - BEHIND_LINE && (one.s <= front || self.is_served(one, front));
         self.settings.lights && way.crossings.iter().filter(is_next).any(|one| self.is_turn_on_red(one))
     }

@@ -42,7 +42,7 @@ pub struct Observer<'a> {
     /// Precomputed information about the route.
     pub table: &'a PathTable,
     /// Speed limits along the path.
-    pub limits: &'a SpeedLimits,
+    pub(crate) limits: &'a SpeedLimits,
     /// Its goal.
     pub goal: &'a Goal,
     /// The roads.

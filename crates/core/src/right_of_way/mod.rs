@@ -12,8 +12,9 @@ mod traffic;
 mod ways;
 mod zones;
 
+pub use traffic::OrderKind;
 pub(crate) use traffic::{Body, Reservation, Traffic, Traveller, Yielding};
-pub use traffic::{Memory, Order, OrderKind};
+pub(crate) use traffic::{Memory, Order};
 pub(crate) use ways::{crossing, strip};
 pub(crate) use zones::{Course, MARGIN, Place, SPEED_MAX, Zone, reach};
 pub use zones::{DESIGN_WIDTH, REACH, REACH_TIME, meeting_width};

@@ -43,7 +43,7 @@ impl OrderKind {
 
 /// What an agent remembers of its next passage.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Memory {
+pub(crate) struct Memory {
     /// Position of the passage on its way.
     pub passage: usize,
     /// Time step at which it arrived as the first of its lane.
@@ -69,7 +69,7 @@ impl Memory {
 
 /// What an agent has to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Order {
+pub(crate) struct Order {
     /// The agent.
     pub id: i64,
     /// Why.

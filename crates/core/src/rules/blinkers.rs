@@ -12,7 +12,7 @@ const SHOWN_BEHIND: f64 = 50.0;
 
 /// What an agent does at a fork on its way.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Turning {
+pub(crate) struct Turning {
     /// Indices of the lanelets behind the fork that it does not take.
     pub others: Vec<usize>,
     /// What it shows.

@@ -34,7 +34,7 @@ pub(crate) fn uses_crosswalks(kind: ParticipantKind) -> bool {
 
 /// A crosswalk on the way of a vehicle.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Crosswalk {
+pub(crate) struct Crosswalk {
     /// Arc length on the path at which the strip of a vehicle meets it first [m].
     pub entry: f64,
     /// Where the strip has left it [m].

@@ -8,7 +8,7 @@ const SHIFT_MAX: f64 = 0.5;
 
 /// What an agent remembers of the lines ahead.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct LineMemory {
+pub(crate) struct LineMemory {
     /// Steps for which it has stood, now or the last time.
     stood: usize,
     /// Way since then [m]; negative if it has reversed.

@@ -51,7 +51,7 @@ pub(super) fn course(agent: &Agent, scenario: &Scenario, way: &Way) -> Course {
 
 impl World {
     /// Orders of the agents that are near a junction now, by ids; a pure function of the present state.
-    pub fn orders(&self) -> &[Order] {
+    pub(crate) fn orders(&self) -> &[Order] {
         self.orders.get_or_init(|| if self.has_passages { self.orders_now() } else { Vec::new() })
     }
 
