@@ -36,15 +36,16 @@ marks = []
 from interdrive.cli import main
 marks.append(time.time())
 from interdrive import simulation as s
+from interdrive.simulation import preparation
 marks.append(time.time())
-read, init, step = s.open_scenario, s.Simulation.__init__, s.Simulation.step
+read, init, step = preparation.open_scenario, s.Simulation.__init__, s.Simulation.step
 def reading(*a, **k):
     out = read(*a, **k); marks.append(time.time()); return out
 def preparing(self, *a, **k):
     init(self, *a, **k); marks.append(time.time())
 def stepping(self):
     step(self); marks.append(time.time()); print(json.dumps(marks)); sys.stdout.flush(); os._exit(0)
-s.open_scenario, s.Simulation.__init__, s.Simulation.step = reading, preparing, stepping
+preparation.open_scenario, s.Simulation.__init__, s.Simulation.step = reading, preparing, stepping
 sys.argv = ["interdrive", "run", sys.argv[1], "--agents", "all"]
 main()
 """

@@ -9,7 +9,8 @@ from rings import ring
 import interdrive as idr
 from interdrive.run.flows import lane_flows
 from interdrive.scenario.known_goals import MapEnds
-from interdrive.simulation import Simulation, core_road
+from interdrive.scenario.native import core_road
+from interdrive.simulation import Simulation
 from interdrive.testing import Car, problem, straight_road, world
 from interdrive.traffic import LaneGraph, TrafficMaker
 

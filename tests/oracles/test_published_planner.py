@@ -138,7 +138,7 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
     ours = Path.through(simulation.agents[0].route.reference_path)
     assert np.allclose(ours.curve(ours.curve.x), path.curve(path.curve.x)), "the reference path depends on the start"
     step = simulation.world.observe()
-    simulation.world.plan(step, (predictions or simulation._predict)(step.scene))
+    simulation.world.plan(step, (predictions or simulation._progress.predict)(step.scene))
     found = simulation.world.candidates(AGENT, step)
     n_lanes = len(np.unique(found["end_offset"]))
     return Case(simulation, path, taken(road, start), found, n_lanes)
@@ -597,7 +597,7 @@ def test_a_plan_takes_a_fraction_of_the_time_of_the_published_planner(measured):
     seconds: dict[str, float] = {}
     for name, lazy in (("lazy", True), ("all samples", False)):
         one = case("S bend", start, tuple(cars), lazy=lazy)
-        step = one.simulation._begin_step()
+        step = one.simulation._progress.begin_step()
         expected = step.predictions
         seconds[name] = best_of(40, lambda w=one.simulation.world, s=step, e=expected: w.plan(s, e))
     rows = np.flatnonzero(np.isin(expected.ids, [1, 2, 3]))
