@@ -124,7 +124,7 @@ def test_a_ring_has_lanes_side_by_side_that_lead_into_themselves():
         (["flow", "--density", "10,20,10"], "density: 10 is given twice"),
         (["flow", "--set", "traffic.mix=0,1,0"], "traffic.mix: has no effect on a study of flow"),
         (["flow", "--set", "agents.min_displacement=3"], "agents.min_displacement: has no effect"),
-        (["flow", "--seeds", "2"], "study flow: it has no option --seeds"),
+        (["flow", "--seeds", "2"], "study flow: --seeds belongs to `interdrive study cooperation`"),
         (["merge", "--density", "5"], "--density belongs to `interdrive study flow`"),
     ],
 )

@@ -140,7 +140,7 @@ def test_the_command_measures_prints_and_writes(tmp_path, monkeypatch):
     [
         (["runtime", "--agents", "many"], "--agents many: write numbers of agents, such as 1,8,24"),
         (["runtime", "--agents", "0"], "--agents 0: write numbers of agents"),
-        (["runtime", "--agent", "3"], "--agent and --other belong to an encounter"),
+        (["runtime", "--agent", "3"], "study runtime: --agent belongs to an encounter"),
         (["merge", "--quick"], "study merge: --quick belongs to `interdrive study runtime`"),
         (["runtime", "--town", "5000", "--agents", "1", "--steps", "1", "--repetitions", "1"], "only 1000 vehicles"),
     ],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -13,14 +14,69 @@ from interdrive.config.plugins import DEFAULT_PLANNER
 from interdrive.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from interdrive.cli.report import Report
+    from interdrive.config.schema import SimulationSettings
+    from interdrive.storage import FolderKind
     from interdrive.studies import Case
 
 
-class _Target(NamedTuple):
-    """Folder of the study, or None for a new one; and whether the study in it may be replaced."""
+_ENCOUNTER = "an encounter"
+#: Options that do not belong to every study, and the studies to which they belong.
+_BELONGS = {
+    "agent": (_ENCOUNTER,),
+    "other": (_ENCOUNTER,),
+    "agents": ("runtime",),
+    "town": ("runtime",),
+    "steps": ("runtime",),
+    "repetitions": ("runtime",),
+    "seeds": ("cooperation",),
+    "density": ("flow",),
+    "quick": ("runtime", "cooperation", "flow"),
+}
 
+
+class _Common(NamedTuple):
+    """Options of every study.
+
+    Attributes:
+        out: Folder of the study; None: a new one.
+        overwrite: Whether the study in it may be replaced.
+    """
+
+    planner: str | None
+    predictor: str | None
+    assignments: tuple[str, ...]
+    threads: int | None
     out: str | None
     overwrite: bool
+    raw: bool
+    quiet: bool
+
+    def settings(self, base: Mapping[str, Any] | None = None) -> SimulationSettings:
+        """The settings, on top of those that the study begins with."""
+        from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+
+        return bind(SimulationSettings(), {**(base or {}), **assigned(self.assignments, raw=self.raw)})
+
+    @contextmanager
+    def folder(self, name: str, known_by: FolderKind, read: Iterable[Path | str] = ()) -> Iterator[tuple[Path, Report]]:
+        """The folder that the study is written to, and what says how far it is.
+
+        Args:
+            name: Of a new folder.
+            known_by: File by which a study of this kind is known.
+            read: Files that the study reads.
+        """
+        from interdrive.cli.report import progress  # noqa: PLC0415 - rich
+
+        read = [*read, *named_files(self.planner, self.predictor, assigned(self.assignments))]
+        with (
+            claimed_folder(self.out, name, known_by, overwrite=self.overwrite, inputs=read) as folder,
+            progress(quiet=self.quiet) as report,
+        ):
+            yield folder, report
 
 
 @click.command()
@@ -90,50 +146,32 @@ def study(
     cooperation compares shares of equipped agents, delays and losses of messages over scenarios and seeds. Agents get
     no orders at junctions unless you set rules.precedence=true.
     """
-    if densities is not None and what != "flow":
-        raise InputError(f"study {what}: --density belongs to `interdrive study flow`")
-    if what == "flow":
-        others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps, "seeds": seeds}
-        refused = [name for name, value in {**others, "repetitions": repetitions}.items() if value is not None]
-        if refused:
-            raise InputError(f"study flow: it has no option --{refused[0]}")
-        return _flow(
-            planner, predictor, densities, assignments, threads, _Target(out, overwrite), quick=quick, quiet=quiet
-        )
-    if what == "cooperation":
-        for_others = {"agent": agent, "other": other, "agents": agents, "town": town, "steps": steps}
-        refused = [name for name, value in {**for_others, "repetitions": repetitions}.items() if value is not None]
-        if refused:
-            raise InputError(f"study cooperation: it has no option --{refused[0]}")
-        target = _Target(out, overwrite)
-        return _cooperation(
-            seeds or 2, planner, predictor, assignments, threads, target, raw=raw, quick=quick, quiet=quiet
-        )
-    if seeds is not None:
-        raise InputError(f"study {what}: --seeds belongs to `interdrive study cooperation`")
-    for_runtime = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions, "quick": quick or None}
-    given = [f"--{name}" for name, value in for_runtime.items() if value is not None]
-    if what == "runtime" and (agent is not None or other is not None):
-        raise InputError("study runtime: --agent and --other belong to an encounter; --agents gives numbers of agents")
-    if what != "runtime" and given:
-        raise InputError(f"study {what}: {given[0]} belongs to `interdrive study runtime`")
-    target = _Target(out, overwrite)
-    if what == "runtime":
-        asked = _Asked(agents, town, steps, repetitions, quick)
-        return _runtime(asked, planner, predictor, assignments, threads, target, raw=raw, quiet=quiet)
-    cases, notes = _cases(what, agent, other)
+    kind = what if what in ("runtime", "cooperation", "flow") else _ENCOUNTER
+    numbers = {"agents": agents, "town": town, "steps": steps, "repetitions": repetitions}
+    given = {"agent": agent, "other": other, **numbers, "seeds": seeds, "density": densities, "quick": quick or None}
+    for option, value in given.items():
+        if value is not None and kind not in _BELONGS[option]:
+            owners = [one if one == _ENCOUNTER else f"`interdrive study {one}`" for one in _BELONGS[option]]
+            raise InputError(f"study {what}: --{option} belongs to {' or '.join(owners)}")
+    common = _Common(planner, predictor, assignments, threads, out, overwrite, raw, quiet)
+    if kind == "flow":
+        return _flow(common, densities, quick=quick)
+    if kind == "cooperation":
+        return _cooperation(common, seeds or 2, quick=quick)
+    if kind == "runtime":
+        return _runtime(common, agents, town, steps, repetitions, quick=quick)
+    return _encounter(common, what, agent, other)
 
-    from interdrive.cli.report import print_study, progress  # noqa: PLC0415 - rich
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+
+def _encounter(common: _Common, what: str, agent: int | None, other: int | None) -> int:
+    from interdrive.cli.report import print_study  # noqa: PLC0415 - rich
     from interdrive.files import scenario_file  # noqa: PLC0415
     from interdrive.studies import STUDY_FOLDER, case_study, save_study  # noqa: PLC0415
 
-    settings = bind(SimulationSettings(), assigned(assignments, raw=raw))
-    read = [*(scenario_file(case.scenario) for case in cases), *named_files(planner, predictor, assigned(assignments))]
-    with (
-        claimed_folder(out, f"study_{Path(what).stem}", STUDY_FOLDER, overwrite=overwrite, inputs=read) as folder,
-        progress(quiet=quiet) as report,
-    ):
+    cases, notes = _cases(what, agent, other)
+    settings = common.settings()
+    read = [scenario_file(case.scenario) for case in cases]
+    with common.folder(f"study_{Path(what).stem}", STUDY_FOLDER, read) as (folder, report):
         done = []
         for case in cases:
             report.say(f"reading {case.scenario}")
@@ -142,35 +180,23 @@ def study(
                     case.scenario,
                     agent=case.agent,
                     other=case.other,
-                    planner=planner or DEFAULT_PLANNER,
-                    predictor=predictor or "neural",
+                    planner=common.planner or DEFAULT_PLANNER,
+                    predictor=common.predictor or "neural",
                     settings=settings,
-                    threads=threads,
+                    threads=common.threads,
                     on_step=report.step,
                 )
             )
-        save_study(done, folder, overwrite=overwrite, on_case=lambda name: report.say(f"drawing {name}"))
-    if not quiet:
+        save_study(done, folder, overwrite=common.overwrite, on_case=lambda name: report.say(f"drawing {name}"))
+    if not common.quiet:
         print_study(done, notes, shown(folder))
     ended = [outcome for one in done for run in one.runs.values() for outcome in run.outcomes.outcome]
     return 1 if "planner_error" in ended else 0
 
 
-def _flow(
-    planner: str | None,
-    predictor: str | None,
-    densities: str | None,
-    assignments: tuple[str, ...],
-    threads: int | None,
-    target: _Target,
-    *,
-    quick: bool,
-    quiet: bool,
-) -> int:
+def _flow(common: _Common, densities: str | None, *, quick: bool) -> int:
     from interdrive.batches import labels_of  # noqa: PLC0415
-    from interdrive.cli.report import progress  # noqa: PLC0415 - rich
-    from interdrive.cli.traffic_report import print_capacities  # noqa: PLC0415
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.cli.traffic_report import print_capacities  # noqa: PLC0415 - rich
     from interdrive.studies.flow import DENSITIES, FLOW_FOLDER, flow_study, save_flow  # noqa: PLC0415
 
     try:
@@ -179,12 +205,9 @@ def _flow(
         wanted = (-1.0,)
     if any(not 1.0 <= density <= 180.0 for density in wanted):
         raise InputError(f"--density {densities}: write vehicles per km from 1 to 180, such as 10,30,60")
-    settings = bind(SimulationSettings(), assigned(assignments))
-    names = labels_of([planner or DEFAULT_PLANNER], "planner")
-    with (
-        claimed_folder(target.out, "study_flow", FLOW_FOLDER, overwrite=target.overwrite) as folder,
-        progress(quiet=quiet) as report,
-    ):
+    settings = common.settings()
+    names = labels_of([common.planner or DEFAULT_PLANNER], "planner")
+    with common.folder("study_flow", FLOW_FOLDER) as (folder, report):
         report.say("driving")
         done = flow_study(
             names,
@@ -192,32 +215,20 @@ def _flow(
             lanes=(1,) if quick else (1, 2),
             duration=40.0 if quick else 150.0,
             warm_up=20.0 if quick else 90.0,
-            predictor=predictor or "lane_following",
+            predictor=common.predictor or "lane_following",
             settings=settings,
-            threads=threads,
+            threads=common.threads,
             on_run=report.counted,
         )
         report.say("drawing")
-        save_flow(done, folder, overwrite=target.overwrite)
-    if not quiet:
+        save_flow(done, folder, overwrite=common.overwrite)
+    if not common.quiet:
         print_capacities(done, shown(folder))
     return 0
 
 
-def _cooperation(
-    seeds: int,
-    planner: str | None,
-    predictor: str | None,
-    assignments: tuple[str, ...],
-    threads: int | None,
-    target: _Target,
-    *,
-    raw: bool,
-    quick: bool,
-    quiet: bool,
-) -> int:
-    from interdrive.cli.report import print_cooperation, progress  # noqa: PLC0415 - rich
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+def _cooperation(common: _Common, seeds: int, *, quick: bool) -> int:
+    from interdrive.cli.report import print_cooperation  # noqa: PLC0415 - rich
     from interdrive.studies.cooperation import (  # noqa: PLC0415
         COOPERATION_FOLDER,
         WITHOUT_ORDERS,
@@ -227,59 +238,34 @@ def _cooperation(
         save_cooperation,
     )
 
-    settings = bind(SimulationSettings(), WITHOUT_ORDERS | assigned(assignments, raw=raw))
+    settings = common.settings(WITHOUT_ORDERS)
     files, notes = cooperation_files(quick=quick)
-    read = [*files, *named_files(planner, predictor, assigned(assignments))]
-    with (
-        claimed_folder(
-            target.out, "study_cooperation", COOPERATION_FOLDER, overwrite=target.overwrite, inputs=read
-        ) as folder,
-        progress(quiet=quiet) as report,
-    ):
+    with common.folder("study_cooperation", COOPERATION_FOLDER, files) as (folder, report):
         report.say("reading")
         done = cooperation_study(
             files,
             cooperation_variants(quick=quick),
             seeds=1 if quick else seeds,
-            planner=planner or DEFAULT_PLANNER,
-            predictor=predictor or "neural",
+            planner=common.planner or DEFAULT_PLANNER,
+            predictor=common.predictor or "neural",
             settings=settings,
-            threads=threads,
+            threads=common.threads,
             notes=notes,
             on_run=report.counted,
         )
         report.say("drawing")
-        save_cooperation(done, folder, overwrite=target.overwrite)
-    if not quiet:
+        save_cooperation(done, folder, overwrite=common.overwrite)
+    if not common.quiet:
         print_cooperation(done, shown(folder))
     return 0
 
 
-class _Asked(NamedTuple):
-    """Options of the runtime study."""
-
-    agents: str | None
-    town: str | None
-    steps: int | None
-    repetitions: int | None
-    quick: bool
-
-
 def _runtime(
-    asked: _Asked,
-    planner: str | None,
-    predictor: str | None,
-    assignments: tuple[str, ...],
-    threads: int | None,
-    target: _Target,
-    *,
-    raw: bool,
-    quiet: bool,
+    common: _Common, agents: str | None, town: str | None, steps: int | None, repetitions: int | None, *, quick: bool
 ) -> int:
     from dataclasses import replace  # noqa: PLC0415
 
-    from interdrive.cli.report import print_runtime, progress  # noqa: PLC0415 - rich
-    from interdrive.config.schema import SimulationSettings  # noqa: PLC0415
+    from interdrive.cli.report import print_runtime  # noqa: PLC0415 - rich
     from interdrive.studies.runtime import (  # noqa: PLC0415
         COUNTS,
         RUNTIME_FOLDER,
@@ -289,31 +275,26 @@ def _runtime(
         save_runtime,
     )
 
-    quick = asked.quick
-    counts = _numbers("agents", asked.agents) or ((1, 8, 24) if quick else COUNTS)
-    town = _numbers("town", asked.town) or ((24, 100) if quick else TOWN_COUNTS)
-    settings = bind(SimulationSettings(), assigned(assignments, raw=raw))
-    cases, notes = runtime_cases(counts, tuple(n for n in town if n), to_all=not quick and asked.agents is None)
-    if predictor is not None:
-        cases = tuple(replace(case, predictor=predictor) for case in cases if case.predictor != "neural")
-    read = [*(case.path for case in cases), *named_files(planner, predictor, assigned(assignments))]
-    with (
-        claimed_folder(target.out, "study_runtime", RUNTIME_FOLDER, overwrite=target.overwrite, inputs=read) as folder,
-        progress(quiet=quiet) as report,
-    ):
+    counts = _numbers("agents", agents) or ((1, 8, 24) if quick else COUNTS)
+    in_town = _numbers("town", town) or ((24, 100) if quick else TOWN_COUNTS)
+    settings = common.settings()
+    cases, notes = runtime_cases(counts, tuple(n for n in in_town if n), to_all=not quick and agents is None)
+    if common.predictor is not None:
+        cases = tuple(replace(case, predictor=common.predictor) for case in cases if case.predictor != "neural")
+    with common.folder("study_runtime", RUNTIME_FOLDER, [case.path for case in cases]) as (folder, report):
         report.say("reading")
         done = runtime_study(
             cases,
-            steps=asked.steps or (10 if quick else 50),
-            repetitions=asked.repetitions or (1 if quick else 3),
-            threads=threads,
-            planner=planner or DEFAULT_PLANNER,
+            steps=steps or (10 if quick else 50),
+            repetitions=repetitions or (1 if quick else 3),
+            threads=common.threads,
+            planner=common.planner or DEFAULT_PLANNER,
             settings=settings,
             on_run=report.counted,
             notes=notes,
         )
-        save_runtime(done, folder, overwrite=target.overwrite)
-    if not quiet:
+        save_runtime(done, folder, overwrite=common.overwrite)
+    if not common.quiet:
         print_runtime(done, shown(folder))
     return 0
 
