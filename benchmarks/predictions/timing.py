@@ -57,18 +57,9 @@ def crowd(n: int) -> Scenario:
     step = 1 + int(max(one.lanelets.ids.max(), obstacles.ids.max()))
     where = [(copy, row) for copy in range(copies) for row in rows.tolist()][:n]
     copy, row = np.array([c for c, _ in where]), np.array([r for _, r in where])
-    moved = replace(
-        obstacles,
-        ids=obstacles.ids[row] + copy * step,
-        kinds=tuple(obstacles.kinds[r] for r in row.tolist()),
-        shapes=tuple(obstacles.shapes[r] for r in row.tolist()),
-        x=obstacles.x[row] + (copy * _APART)[:, None],
-        **{name: getattr(obstacles, name)[row] for name in _UNMOVED},
-    )
+    copies_of = obstacles.only(row)
+    moved = replace(copies_of, ids=copies_of.ids + copy * step, x=copies_of.x + (copy * _APART)[:, None])
     return replace(one, lanelets=_side_by_side(one.lanelets, copies, step), obstacles=moved, planning_problems=())
-
-
-_UNMOVED = ("is_static", "y", "orientation", "velocity", "acceleration", "yaw_rate", "valid")
 
 
 def _side_by_side(one: Lanelets, copies: int, step: int) -> Lanelets:

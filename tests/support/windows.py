@@ -4,28 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from interdrive.scenario import STATE_FIELDS
-
 
 def window(scenario, first, last, name=None, offset=0.0):
     """The time steps `first` to `last` of a scenario, counted from 0, with headings that are off by `offset` [rad]."""
     obstacles = scenario.obstacles
     part = slice(first, last + 1)
     rows = np.flatnonzero(obstacles.valid[:, part].any(axis=1))
-    tables = {field: getattr(obstacles, field)[rows, part].copy() for field in STATE_FIELDS}
-    tables["orientation"] = tables["orientation"] - offset
+    obstacles = obstacles.only(rows, part)
     return replace(
         scenario,
         name=f"REC_Road-1_{first}_T-{last}" if name is None else name,
-        obstacles=replace(
-            obstacles,
-            ids=obstacles.ids[rows],
-            kinds=tuple(obstacles.kinds[row] for row in rows),
-            shapes=tuple(obstacles.shapes[row] for row in rows),
-            is_static=obstacles.is_static[rows],
-            valid=obstacles.valid[rows, part],
-            **tables,
-        ),
+        obstacles=replace(obstacles, orientation=obstacles.orientation - offset),
     )
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from interdrive.recordings.repair import OVERLAP, with_overlaps
 
 if TYPE_CHECKING:
-    from interdrive.array_types import Floats
     from interdrive.scenario import Scenario
 
 
@@ -24,28 +23,10 @@ def part_of(scenario: Scenario, first: int, end: int) -> Scenario:
     """
     obstacles = scenario.obstacles
     rows = np.flatnonzero(obstacles.valid[:, first:end].any(axis=1))
-
-    def cut(table: Floats) -> Floats:
-        return table[rows, first:end]
-
     return replace(
         scenario,
         planning_problems=(),
-        obstacles=replace(
-            obstacles,
-            ids=obstacles.ids[rows],
-            kinds=tuple(obstacles.kinds[row] for row in rows),
-            shapes=tuple(obstacles.shapes[row] for row in rows),
-            is_static=obstacles.is_static[rows],
-            x=cut(obstacles.x),
-            y=cut(obstacles.y),
-            orientation=cut(obstacles.orientation),
-            velocity=cut(obstacles.velocity),
-            acceleration=cut(obstacles.acceleration),
-            yaw_rate=cut(obstacles.yaw_rate),
-            valid=obstacles.valid[rows, first:end],
-            derived=tuple(obstacles.derived[row] for row in rows) if obstacles.derived else (),
-        ),
+        obstacles=obstacles.only(rows, slice(first, end)),
         traffic_lights=tuple(replace(light, offset=light.offset - first) for light in scenario.traffic_lights),
     )
 

@@ -138,13 +138,24 @@ class Obstacles:
 
     def standing(self) -> Obstacles:
         """Those that never move."""
-        rows = np.flatnonzero(self.is_static)
+        return self.only(np.flatnonzero(self.is_static))
+
+    def only(self, rows: Ints, steps: slice = slice(None)) -> Obstacles:
+        """The obstacles in some rows, repeated where a row is, at some time steps."""
 
         def kept(values: tuple[T, ...]) -> tuple[T, ...]:
             return tuple(values[row] for row in rows.tolist()) if values else ()
 
-        tables = {name: getattr(self, name)[rows] for name in (*STATE_FIELDS, "valid", "ids", "is_static")}
-        return replace(self, kinds=kept(self.kinds), shapes=kept(self.shapes), derived=kept(self.derived), **tables)
+        tables = {name: getattr(self, name)[rows, steps] for name in (*STATE_FIELDS, "valid")}
+        return replace(
+            self,
+            ids=self.ids[rows],
+            kinds=kept(self.kinds),
+            shapes=kept(self.shapes),
+            is_static=self.is_static[rows],
+            derived=kept(self.derived),
+            **tables,
+        )
 
     def __repr__(self) -> str:
         return f"<Obstacles: {len(self.ids)} over {self.x.shape[1]} time steps>"
