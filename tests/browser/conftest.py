@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +15,14 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = ROOT / ".venv" / "bin" / "interdrive"
 
+#: What a page says of its run.
+HEADER = re.compile(r'(<script type="application/json" id="header">)(.*?)(</script>)')
+#: Height [px] of what is written in a cell.
+HEIGHT = """(cell) => {
+  const range = document.createRange();
+  range.selectNodeContents(cell);
+  return range.getBoundingClientRect().height;
+}"""
 #: Names under which Chromium is installed.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -149,3 +159,31 @@ def flowing(tmp_path_factory) -> Path:
     ]
     interdrive("run", "t_junction", *choices, "--out", folder, "--report")
     return folder / "report.html"
+
+
+def header_of(page: Path) -> dict:
+    return json.loads(HEADER.search(page.read_text(encoding="utf-8"))[2])
+
+
+def changed(page: Path, copy: Path, change) -> Path:
+    """A copy of a page with another header."""
+    text = page.read_text(encoding="utf-8")
+    found = HEADER.search(text)
+    header = json.loads(found[2])
+    change(header)
+    told = json.dumps(header).replace("<", "\\u003c")
+    copy.write_text(text[: found.start(2)] + told + text[found.end(2) :], encoding="utf-8")
+    return copy
+
+
+def ready(page) -> None:
+    """Two frames later everything is drawn."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def headings(page, table: str) -> list[str]:
+    """Of a table; every row of its body has as many cells."""
+    found = page.locator(f"{table} thead th").all_inner_texts()
+    rows = page.locator(f"{table} tbody tr:not(.why)")
+    assert {rows.nth(k).locator("th, td").count() for k in range(rows.count())} == {len(found)}
+    return found

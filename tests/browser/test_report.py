@@ -13,10 +13,8 @@ from pathlib import Path
 import pytest
 from PIL import Image, ImageChops
 
-from conftest import interdrive, opened
+from conftest import HEIGHT, changed, header_of, headings, interdrive, opened, ready
 
-#: What a page says of its run.
-HEADER = re.compile(r'(<script type="application/json" id="header">)(.*?)(</script>)')
 #: Frame times [ms] of so many frames while the slider is moved by one step per frame.
 SCRUB = """async (frames) => {
   const slider = document.querySelector(".scrub");
@@ -30,14 +28,6 @@ SCRUB = """async (frames) => {
 }"""
 
 
-#: Height [px] of what is written in a cell.
-HEIGHT = """(cell) => {
-  const range = document.createRange();
-  range.selectNodeContents(cell);
-  return range.getBoundingClientRect().height;
-}"""
-
-
 def said(root, name: str) -> str:
     return root.get_attribute(f"data-{name}")
 
@@ -45,21 +35,6 @@ def said(root, name: str) -> str:
 def last_step(page) -> int:
     """The last time step that the player reaches."""
     return int(page.locator(".scrub").get_attribute("max"))
-
-
-def header_of(page: Path) -> dict:
-    return json.loads(HEADER.search(page.read_text(encoding="utf-8"))[2])
-
-
-def changed(page: Path, copy: Path, change) -> Path:
-    """A copy of a page with another header."""
-    text = page.read_text(encoding="utf-8")
-    found = HEADER.search(text)
-    header = json.loads(found[2])
-    change(header)
-    told = json.dumps(header).replace("<", "\\u003c")
-    copy.write_text(text[: found.start(2)] + told + text[found.end(2) :], encoding="utf-8")
-    return copy
 
 
 def drawn(page) -> Image.Image:
@@ -96,11 +71,6 @@ def becomes(page, condition) -> bool:
     return False
 
 
-def ready(page) -> None:
-    """Two frames later everything is drawn."""
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-
 def test_a_page_opens_from_its_file_without_network_or_complaints(page, demo):
     begun = time.perf_counter()
     root = opened(page, demo)
@@ -126,18 +96,6 @@ def test_one_picture_without_waiting_shows_the_map(chromium, demo, tmp_path):
     found = next((some for some in (colours() for _ in range(3)) if len(some) > 50), [])
     assert found, "a blank map has the colour of an empty canvas"
     assert max(found)[1] != (255, 255, 255)
-
-
-def test_reasons_of_agents_use_the_width_of_the_panel(page, demo, tmp_path):
-    reason = "stood for 9.3 s while 603 crossed its path; 5.0 m before the goal area when the time was over"
-
-    def late(header):
-        header["participants"][0] |= {"reason": reason, "harm": None}
-
-    opened(page, changed(demo, tmp_path / "late.html", late))
-    cell = page.locator("tr.why td").first
-    assert cell.inner_text() == reason
-    assert cell.bounding_box()["height"] < 60, "two or three lines"
 
 
 def test_space_plays_and_pauses(page, demo):
@@ -346,24 +304,6 @@ def test_between_plans_the_predictions_are_those_of_the_plan(page, seldom):
         assert ("predictions of 2.0 s shown" in page.locator(".now-line").inner_text()) is said
 
 
-@pytest.mark.parametrize("size", [{"width": 1280, "height": 720}, {"width": 1024, "height": 768}])
-def test_larger_text_leaves_values_whole_and_the_map_in_sight(page, demo, size):
-    page.set_viewport_size(size)
-    opened(page, demo)
-    page.locator('button[aria-label="Select agent 1002"]').click()
-    page.keyboard.press("A")
-    page.keyboard.press("A")
-    page.locator(".scrub").fill("60")
-    ready(page)
-    values = page.locator(".profile .value").all()
-    assert len(values) > 2
-    for value in values:
-        assert value.evaluate("(v) => v.scrollWidth <= v.clientWidth"), value.inner_text()
-    assert page.locator(".side").bounding_box()["width"] <= 0.35 * size["width"]
-    assert page.locator(".map").bounding_box()["height"] >= 0.25 * size["height"]
-    assert page.evaluate("() => document.documentElement.scrollHeight <= window.innerHeight")
-
-
 def test_a_click_into_a_profile_moves_the_player(page, demo):
     root = opened(page, demo)
     page.locator('button[aria-label="Select agent 1001"]').click()
@@ -480,76 +420,6 @@ def test_two_runs_side_by_side_have_one_clock_and_one_selection(page, demo, tmp_
     two.locator(".map").focus()
     page.keyboard.press("Escape")
     one.wait_for_selector('#report[data-step="7"][data-selected=""]')
-
-
-#: Widths [px] of a phone, a half screen and a tablet; where the site changes its columns; of screens.
-WIDTHS = [390, 623, 768, 1313, 1366, 1440, 1471, 1920]
-
-
-def needed_width(page) -> int:
-    """Width [px] in which nothing of a page would be outside."""
-    return page.evaluate("document.documentElement.scrollWidth")
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_no_page_scrolls_sideways(page, demo, batch, width):
-    page.set_viewport_size({"width": width, "height": 800})
-    for file in (demo, batch):
-        opened(page, file)
-        assert needed_width(page) <= width, file
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_pages_of_the_site_fit_beside_their_table_of_contents(page, site, width):
-    page.set_viewport_size({"width": width, "height": 800})
-    page.goto(site.as_uri())
-    assert needed_width(page) <= width
-    article, contents = (page.locator(name).bounding_box() for name in ("article", ".toc-drawer"))
-    if contents["x"] < width:
-        assert article["x"] + article["width"] <= contents["x"]
-
-
-def test_the_side_panel_shows_its_table_whole_on_a_laptop(page, demo):
-    page.set_viewport_size({"width": 1400, "height": 800})
-    opened(page, demo)
-    assert page.locator(".side").evaluate("(side) => side.scrollWidth <= side.clientWidth")
-    for cell in page.locator("tr[data-agent] td.number").all():
-        assert cell.evaluate("(cell) => cell.scrollWidth <= cell.clientWidth"), cell.inner_text()
-
-
-def headings(page, table: str) -> list[str]:
-    """Of a table; every row of its body has as many cells."""
-    found = page.locator(f"{table} thead th").all_inner_texts()
-    rows = page.locator(f"{table} tbody tr:not(.why)")
-    assert {rows.nth(k).locator("th, td").count() for k in range(rows.count())} == {len(found)}
-    return found
-
-
-def test_a_run_in_which_no_agent_follows_another_has_no_column_for_it(page, demo, tmp_path):
-    def alone(header):
-        for one in header["participants"]:
-            one.pop("ttc", None)
-
-    opened(page, demo)
-    assert headings(page, ".page table:has([data-agent])")[:4] == ["agent", "outcome", "time [s]", "TTC [s]"]
-    opened(page, changed(demo, tmp_path / "alone.html", alone))
-    assert headings(page, ".page table:has([data-agent])")[:3] == ["agent", "outcome", "time [s]"]
-    assert "TTC [s]" not in headings(page, ".page table:has([data-agent])")
-
-
-def test_a_batch_has_no_columns_without_content_and_still_sorts(page, batch, tmp_path):
-    def bare(header):
-        for run in header["runs"]:
-            run.update(category="", ttc="", ttc_min=None)
-
-    copy = changed(batch, batch.parent / "bare.html", bare)
-    opened(page, copy)
-    assert headings(page, ".runs") == ["scenario", "planner", "seed", "status", "agents", "reached %", "collisions", ""]
-    planners = page.locator(".runs tbody tr td:nth-child(2)")
-    page.get_by_role("button", name="Sort by planner").click()
-    assert planners.all_inner_texts() == sorted(planners.all_inner_texts())
-    page.get_by_role("button", name="Sort by planner").click()
-    assert planners.all_inner_texts() == sorted(planners.all_inner_texts(), reverse=True)
 
 
 def test_an_address_opens_a_moment_and_says_which_one_is_shown(page, demo):
