@@ -12,36 +12,17 @@ from interdrive.config.drivers import SETTINGS, Drivers, check_planner, checked_
 from interdrive.config.plugins import DEFAULT_PLANNER, Choice, find, made, read_choice
 from interdrive.errors import InputError, InterdriveError
 from interdrive.planners import NATIVE as PLANNERS
-from interdrive.planners import (
-    R157,
-    Cc,
-    Frenet,
-    Fsm,
-    Idm,
-    IdmMobil,
-    Lawful,
-    Pdm,
-    Planner,
-    Recorded,
-    Rollout,
-    Rss,
-    VelocityAdjusting,
-)
 from interdrive.planners import RECORDS as PLANNER_RECORDS
+from interdrive.planners import NativePlanner, Planner
 from interdrive.predictors import NATIVE as PREDICTORS
 from interdrive.predictors import RECORDS as PREDICTOR_RECORDS
-from interdrive.predictors import ConstantVelocity, GroundTruth, LaneFollowing, Neural, Predictor, native_predictor
+from interdrive.predictors import NativePredictor, Predictor, native_predictor
 from interdrive.predictors.calls import BoundPredictor
 
 if TYPE_CHECKING:
     from interdrive import _core
     from interdrive.planners import PlannerSettings
     from interdrive.predictors import PredictorSettings
-
-NativePlanner: TypeAlias = (
-    Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful | Pdm | Cc | R157 | Rss | Fsm
-)
-NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,15 @@ from interdrive.native_settings import (
     VelocityAdjusting,
 )
 from interdrive.planners.contract import Planner, Trajectory
-from interdrive.planners.native import NATIVE, RECORDED_PATH, RECORDS, PlannerSettings, Recorded, native_planner
+from interdrive.planners.native import (
+    NATIVE,
+    RECORDED_PATH,
+    RECORDS,
+    NativePlanner,
+    PlannerSettings,
+    Recorded,
+    native_planner,
+)
 
 __all__ = [
     "NATIVE",
@@ -40,6 +48,7 @@ __all__ = [
     "Idm",
     "IdmMobil",
     "Lawful",
+    "NativePlanner",
     "Pdm",
     "Planner",
     "PlannerSettings",

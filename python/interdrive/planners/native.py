@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from interdrive import _core
 from interdrive.native_settings import (
@@ -35,6 +36,12 @@ class Policy:
     """
 
     file: str = ""
+
+
+#: A record that is a choice of a native planner.
+NativePlanner: TypeAlias = (
+    Rollout | Frenet | Recorded | VelocityAdjusting | Idm | IdmMobil | Lawful | Pdm | Cc | R157 | Rss | Fsm
+)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,15 @@ from __future__ import annotations
 
 from interdrive.native_settings import ConstantVelocity, LaneFollowing
 from interdrive.predictors.contract import Predictor
-from interdrive.predictors.native import NATIVE, RECORDS, GroundTruth, Neural, PredictorSettings, native_predictor
+from interdrive.predictors.native import (
+    NATIVE,
+    RECORDS,
+    GroundTruth,
+    NativePredictor,
+    Neural,
+    PredictorSettings,
+    native_predictor,
+)
 
 __all__ = [
     "NATIVE",
@@ -16,6 +24,7 @@ __all__ = [
     "ConstantVelocity",
     "GroundTruth",
     "LaneFollowing",
+    "NativePredictor",
     "Neural",
     "Predictor",
     "PredictorSettings",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 from interdrive import _core
 from interdrive.errors import InputError
@@ -63,6 +63,9 @@ class PredictorSettings:
         if not 0 < self.horizon <= 30:
             raise InputError("horizon", f"must be more than 0 and at most 30 s, not {self.horizon}")
 
+
+#: A record that is a choice of a native predictor.
+NativePredictor: TypeAlias = ConstantVelocity | LaneFollowing | GroundTruth | Neural
 
 #: The record of each native predictor.
 RECORDS: dict[str, type] = {
