@@ -317,12 +317,6 @@ impl Vehicle {
     pub fn rear_axle_from_center(&self, center: Pose) -> Point {
         center.position - Point::from_angle(center.orientation) * self.rear_axle_to_center
     }
-
-    /// Footprint centre for a pose of the rear axle.
-    #[inline]
-    pub fn center_from_rear_axle(&self, rear_axle: Pose) -> Point {
-        rear_axle.position + Point::from_angle(rear_axle.orientation) * self.rear_axle_to_center
-    }
 }
 
 #[cfg(test)]

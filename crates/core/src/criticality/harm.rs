@@ -8,8 +8,6 @@ use crate::geometry::wrap_angle;
 use crate::trajectory::State;
 use crate::vehicle::ParticipantKind;
 
-/// Mass of CommonRoad vehicle type 2 (BMW 320i) [kg].
-pub const BMW_320I_MASS: f64 = 1093.3;
 /// The regression of car masses is negative for small footprints; nothing on wheels is lighter than this [kg].
 const CAR_MASS_MIN: f64 = 300.0;
 
@@ -221,7 +219,7 @@ mod tests {
     #[test]
     fn a_pedestrian_takes_nearly_all_of_the_speed() {
         let person = body(ParticipantKind::Pedestrian, 75.0, 3.0, 0.0, 1.0, 0.0);
-        let harm = collision_harm(&car(BMW_320I_MASS, 0.0, 0.0, 0.0, 10.0), &person, Sides::Symmetric);
+        let harm = collision_harm(&car(1093.3, 0.0, 0.0, 0.0, 10.0), &person, Sides::Symmetric);
         assert!((harm[1].speed_change - 9.358042).abs() < 1e-6);
         assert!((harm[1].probability - 0.384880).abs() < 1e-6);
         check(&harm[0], 0.011293, 0.641958, ImpactArea::Front);

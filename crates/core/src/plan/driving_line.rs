@@ -31,7 +31,7 @@ const OFFSET_MAX: f64 = 0.7;
 const STEPS: usize = 60;
 const ROUNDS: usize = 3;
 /// A line inside of a bend is no shorter than this share of the path.
-const STRETCH_MIN: f64 = 0.4;
+const SHARE_MIN: f64 = 0.4;
 
 /// The line beside a path.
 #[derive(Debug, Clone)]
@@ -105,7 +105,7 @@ impl DrivingLine {
         let (mut offsets, mut within, mut price) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let mut curvature = Vec::new();
         for _ in 0..ROUNDS {
-            let stretch: Vec<f64> = (0..n).map(|i| (1.0 - at[i].curvature * offsets[i]).max(STRETCH_MIN)).collect();
+            let stretch: Vec<f64> = (0..n).map(|i| (1.0 - at[i].curvature * offsets[i]).max(SHARE_MIN)).collect();
             let bend = Bend::new(&centers, &normals, &stretch, spacing);
             offsets = bend.least(&limits, &mut within, &mut price);
             curvature = bend.curvature(&offsets);
@@ -114,7 +114,7 @@ impl DrivingLine {
             .map(|i| {
                 let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
                 let slope = (offsets[b] - offsets[a]) / ((b - a).max(1) as f64 * spacing);
-                let stretch = (1.0 - at[i].curvature * offsets[i]).max(STRETCH_MIN);
+                let stretch = (1.0 - at[i].curvature * offsets[i]).max(SHARE_MIN);
                 LinePoint { offset: offsets[i], heading: slope.atan2(stretch), curvature: curvature[i] }
             })
             .collect();

@@ -5,7 +5,7 @@ use super::lanelet::Lanelet;
 use crate::geometry::{Point, Pose, wrap_angle};
 
 /// Pieces of a stretch of lane shorter than this [m] are left out: they are rounding, and no polygon.
-const STRETCH_MIN: f64 = 0.01;
+const PIECE_LENGTH_MIN: f64 = 0.01;
 
 /// Knots of a lane curve are about this far apart [m].
 const KNOT_SPACING: f64 = 1.0;
@@ -289,7 +289,7 @@ impl RoadNetwork {
         // Walk back; `missing` lies before the start of `at`.
         let (mut at, mut missing) = (lanelet, before - s);
         let mut behind = Vec::new();
-        while missing > STRETCH_MIN && behind.len() < FOLLOWED_LANELETS_MAX {
+        while missing > PIECE_LENGTH_MIN && behind.len() < FOLLOWED_LANELETS_MAX {
             let Some(&previous) = self.straightest_predecessors[at].first() else { break };
             behind.push(self.lanelets[previous].outline_between(length(previous) - missing, length(previous)));
             missing -= length(previous);

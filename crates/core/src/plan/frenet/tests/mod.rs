@@ -88,7 +88,7 @@ impl Drive {
         let path = ReferencePath::through(center).expect("a test's path");
         let vehicle = Vehicle::BMW_320I;
         let at = path.at(s);
-        let mid = vehicle.center_from_rear_axle(Pose { position: at.position, orientation: at.theta });
+        let mid = at.position + Point::from_angle(at.theta) * vehicle.rear_axle_to_center;
         let yaw_rate = at.curvature * velocity;
         Self {
             dt: 0.1,
