@@ -52,11 +52,11 @@ def times_per_plan(scenario: Path, agents: str | int, steps: int, every: int) ->
             break
         if step % every == 0:
             for name, simulation in runs.items():
-                _observe, _predict, plan = simulation._progress.begin_step().seconds
+                _observe, _predict, plan = simulation.progress.begin_step().seconds
                 seconds[name].append(plan / max(1, len(simulation.driving)))
             world = runs["frenet"].world
             scene = world.scene()
-            predictions = runs["frenet"]._progress.predict(scene)
+            predictions = runs["frenet"].progress.predict(scene)
             for agent in runs["frenet"].driving:
                 view = world.view(scene, agent)
                 seen = predictions.seen_by(view)

@@ -135,7 +135,7 @@ class _Moment:
 
     def __init__(self, simulation: Simulation, falling_behind: Any) -> None:  # noqa: ANN401 - a view of keys
         self._world = simulation.world
-        self._step = simulation._progress.begin_step()
+        self._step = simulation.progress.begin_step()
         self._scene = self._step.scene
         self._driving, self._falling_behind = set(simulation.driving), set(falling_behind)
         self._found: dict[int, tuple[str, int]] = {}

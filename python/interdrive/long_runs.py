@@ -23,6 +23,7 @@ from interdrive.run.reasons import reasons
 from interdrive.run.spool import Spool
 from interdrive.run.violations import joined, recorded_violations, violations
 from interdrive.runs import Run
+from interdrive.simulation.record import assembled_run, orders_until_now
 from interdrive.storage import resolved, whole_folder
 from interdrive.storage.interrupts import uninterrupted
 
@@ -167,7 +168,7 @@ class _Writer:
         self._tables.write(states, plans)
         self._spool.add(states)
         self._next = states.first_time_step + states.n_steps
-        new = [number for number in self._simulation.waiting if number not in self._firsts]
+        new = [number for number in self._simulation.preparation.waiting if number not in self._firsts]
         self._firsts |= first_states(states, new)
         told = np.array([bool(text) for text in plans.rejection], dtype=np.bool_)
         kept = told | (plans.status == PLAN_STATUS.index("emergency_braking"))
@@ -224,7 +225,7 @@ class _Writer:
         if not simulation.settings.record.violations:
             return
         world = simulation.world
-        found = violations(run, simulation.road, simulation.areas, world.obeying, world.entries(), judged)
+        found = violations(run, simulation.road, simulation.preparation.areas, world.obeying, world.entries(), judged)
         if since is not None:
             found = found.where((found.first_time_step >= since[0]) & (found.first_time_step < since[1]))
         if len(found.rule):
@@ -244,14 +245,14 @@ class _Writer:
         """The run of some participants from one time step to another."""
         whole, wanted = self._participants, set(ids.tolist())
         outcomes = self._simulation.outcomes()
-        agents = self._simulation.as_entered(self._firsts, wanted)
+        agents = self._simulation.preparation.as_entered(self._firsts, wanted)
         return replace(
             self._base,
             agents=agent_records(agents, dict(zip(outcomes.agent_id.tolist(), outcomes.planner, strict=True))),
             outcomes=outcomes.where(np.isin(outcomes.agent_id, ids)),
             states=self._spool.window(whole.where(np.isin(whole.participant_id, ids)), first, last),
             plans=_joined(self._obstructed),
-            orders=self._simulation.orders() if self._simulation.settings.record.orders else None,
+            orders=orders_until_now(self._simulation.progress) if self._simulation.settings.record.orders else None,
         )
 
     def _forget_obstructions(self, ids: Ints) -> None:
@@ -272,14 +273,16 @@ class _Writer:
         digest = self._spool.digest(number, self._first, self._next - self._first)
         still = self._spool.window(participants, self._first, self._first)
         still = replace(still, valid=still.valid & participants.is_static[:, None])
-        run = simulation.assembled(still, Plans.empty(), self._firsts, digest)
+        run = assembled_run(simulation.progress, states=still, plans=Plans.empty(), firsts=self._firsts, digest=digest)
         ids = run.outcomes.agent_id
         others = ids[~np.isin(ids, list(self._reasons))]
         if len(others):  # they never entered
             self._explain(self._part(others, self._first, self._first), set(others.tolist()))
         broken = None
         if simulation.settings.record.violations:
-            broken = joined([*self._violations, recorded_violations(run, simulation.road, simulation.areas)])
+            broken = joined(
+                [*self._violations, recorded_violations(run, simulation.road, simulation.preparation.areas)]
+            )
         run = replace(
             run,
             outcomes=replace(run.outcomes, reason=tuple(self._reasons[i] for i in ids.tolist())),

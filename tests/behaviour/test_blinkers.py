@@ -70,7 +70,7 @@ def test_predictions_take_the_way_that_is_shown():
         # Otherwise agent 1 is expected to wait.
         settings = {"rules.blinkers": blinkers, "rules.precedence": False}
         drive = simulation("left", 5.0, predictor="lane_following", settings=settings)
-        expected = drive._progress.begin_step().predictions.of(np.array([1]))
+        expected = drive.progress.begin_step().predictions.of(np.array([1]))
         used = expected.probability[0] > 0.0
         ends = np.column_stack([expected.x[0, used, 29], expected.y[0, used, 29]])
         assert expected.probability.sum() == pytest.approx(1.0)

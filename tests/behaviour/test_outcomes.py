@@ -189,7 +189,7 @@ def test_a_predictor_that_raises_ends_the_run_naming_the_step():
 def test_the_world_refuses_plans_of_another_time_step():
     scenario = world(straight_road(), problems=[problem(100, 20.0, goal=(60.0, 0.0), time_step=(0, 50))])
     simulation = Simulation(scenario, threads=1)
-    step = simulation._progress.begin_step()
+    step = simulation.progress.begin_step()
     simulation.step()
     with pytest.raises(Exception, match="plans belong to time step 0, the world is at time step 1"):
         simulation.world.advance(step)

@@ -137,7 +137,7 @@ def case(road: str, start: Start, cars: tuple[Car, ...] = (), predictions=None, 
     ours = Path.through(simulation.agents[0].route.reference_path)
     assert np.allclose(ours.curve(ours.curve.x), path.curve(path.curve.x)), "the reference path depends on the start"
     step = simulation.world.observe()
-    simulation.world.plan(step, (predictions or simulation._progress.predict)(step.scene))
+    simulation.world.plan(step, (predictions or simulation.progress.predict)(step.scene))
     found = simulation.world.candidates(AGENT, step)
     n_lanes = len(np.unique(found["end_offset"]))
     return Case(simulation, path, taken(road, start), found, n_lanes)

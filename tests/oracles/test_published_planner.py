@@ -213,7 +213,7 @@ def test_a_plan_takes_a_fraction_of_the_time_of_the_published_planner(measured):
     seconds: dict[str, float] = {}
     for name, lazy in (("lazy", True), ("all samples", False)):
         one = case("S bend", start, tuple(cars), lazy=lazy)
-        step = one.simulation._progress.begin_step()
+        step = one.simulation.progress.begin_step()
         expected = step.predictions
         seconds[name] = best_of(40, lambda w=one.simulation.world, s=step, e=expected: w.plan(s, e))
     rows = np.flatnonzero(np.isin(expected.ids, [1, 2, 3]))

@@ -94,7 +94,7 @@ def test_features_of_wrong_shapes_are_refused():
 @pytest.mark.parametrize("modes_max", [1, 3, 8])
 def test_predictions_have_modes_that_add_up_to_one(file, modes_max):
     simulation = Simulation(scenario(), agents=[100], predictor=Neural(modes_max, str(file)), threads=1)
-    found = simulation._progress.predict(simulation.world.scene())
+    found = simulation.progress.predict(simulation.world.scene())
     assert found.x.shape == (3, modes_max, 30)
     assert found.probability.sum(axis=1) == pytest.approx(1.0)
     assert (np.diff(found.probability, axis=1) <= 0).all()
@@ -105,7 +105,7 @@ def test_predictions_have_modes_that_add_up_to_one(file, modes_max):
 def test_a_tail_is_one_more_mode(file):
     save_file(weights(**{"decode.tail": np.array([0.1, 5.0, 0.02, 8.0])}), file, {"feature_version": VERSION})
     simulation = Simulation(scenario(), agents=[100], predictor=Neural(2, str(file)), threads=1)
-    found = simulation._progress.predict(simulation.world.scene())
+    found = simulation.progress.predict(simulation.world.scene())
     assert found.x.shape == (3, 3, 30)
     assert found.probability.sum(axis=1) == pytest.approx(1.0)
     last = (found.probability > 0).sum(axis=1) - 1
@@ -162,7 +162,7 @@ def test_weights_that_do_not_fit_are_refused_in_one_line(file, changes, version,
 def test_a_file_that_changes_is_read_again(file):
     def ends():
         simulation = Simulation(scenario(), agents=[100], predictor=Neural(1, str(file)), threads=1)
-        return simulation._progress.predict(simulation.world.scene()).x[:, 0, -1].copy()
+        return simulation.progress.predict(simulation.world.scene()).x[:, 0, -1].copy()
 
     first = ends()
     changed = weights(seed=1, **{"decode.dead_zone": np.zeros(2)})
@@ -187,7 +187,7 @@ def test_an_impossible_number_of_modes_is_refused_by_its_name(modes_max):
 
 def test_the_shipped_weights_keep_a_steady_car_going_and_a_standing_one_where_it_is():
     simulation = Simulation(scenario((Car(7, 60.0, 0.2, velocity=12.0), Car(8, 150.0, 3.5))), agents=[100], threads=1)
-    scene = simulation._made.core_scenario.scene(30)
+    scene = simulation.preparation.core_scenario.scene(30)
     found = simulation.world.predict(native_predictor(Neural(), simulation.settings.predictor, None), scene, 30)
     moving, standing = (found.ids.tolist().index(i) for i in (7, 8))
     assert found.x[moving, 0, -1] == pytest.approx(60.0 + 12.0 * 6.0, abs=3.0)

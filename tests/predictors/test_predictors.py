@@ -12,7 +12,7 @@ def predict(predictor, cars, steps=100):
         straight_road(300.0), cars=cars, problems=[problem(100, 5.0, goal=(90.0, 0.0), time_step=(0, 90))], steps=steps
     )
     simulation = Simulation(scenario, agents=[100], predictor=predictor, threads=1)
-    return simulation._progress.predict(simulation.world.scene())
+    return simulation.progress.predict(simulation.world.scene())
 
 
 def test_constant_velocity_goes_straight_on():

@@ -17,7 +17,7 @@ def seen():
     scenario = world(straight_road(200.0), cars=[Car(1, 60.0)], problems=[asked])
     simulation = idr.Simulation(scenario, agents=[AGENT], threads=1)
     scene = simulation.world.scene()
-    return simulation.world.view(scene, AGENT), simulation._progress.predict(scene)
+    return simulation.world.view(scene, AGENT), simulation.progress.predict(scene)
 
 
 def drive(velocity: float, y: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

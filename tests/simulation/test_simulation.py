@@ -281,7 +281,7 @@ def test_ctrl_c_between_a_step_and_the_note_of_its_times_loses_neither(monkeypat
         monkeypatch.undo()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulation._progress.logs, "end", interrupted)
+    monkeypatch.setattr(simulation.progress.logs, "end", interrupted)
     with pytest.raises(RunInterrupted) as stopped:
         simulation.run()
     run = stopped.value.run

@@ -245,7 +245,7 @@ def test_the_files_of_the_folder_stay_as_they_are(crossing):
 def test_a_run_says_in_one_line_that_sumo_has_ended(crossing):
     simulation = Simulation(crossing, threads=1)
     simulation.step()
-    child = simulation._progress.sumo._process._child
+    child = simulation.progress.sumo._process._child
     os.kill(child.pid, signal.SIGKILL)
     begin = time.monotonic()
     with pytest.raises(InterdriveError, match=r"SUMO ended at time step 1: it said nothing \(exit code -9\)"):

@@ -36,7 +36,7 @@ def first_view(scenario: Scenario):
     """What the agent sees at the first step, and the predictions for it."""
     simulation = Simulation(scenario, agents=[AGENT], threads=1)
     scene = simulation.world.scene()
-    predictor = simulation._progress.predict(scene)
+    predictor = simulation.progress.predict(scene)
     return simulation.world.view(scene, AGENT), predictor
 
 

@@ -27,6 +27,8 @@ class Progress:
     """A run on its way, from its first time step on.
 
     Attributes:
+        made: What the run is made of.
+        threads: Number of planning threads.
         world: The world of the core.
         called: Planners in Python.
         sumo: SUMO, if it drives traffic.
@@ -44,6 +46,7 @@ class Progress:
             raises: Exceptions of planners pass through.
             with_processes: Planners in Python that allow it get processes of their own.
         """
+        self.made, self.threads = made, threads
         settings, record, dt = made.settings, made.settings.record, made.scenario.dt
         self._n_predicted = max(1, round(settings.predictor.horizon / dt))
         self._predictor = bound_predictor(made.predictor, settings.predictor, made.core_scenario)

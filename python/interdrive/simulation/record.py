@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from interdrive.simulation.progress import Progress
 
 
-def outcomes_until_now(made: Preparation, progress: Progress) -> Outcomes:
+def outcomes_until_now(progress: Progress) -> Outcomes:
     """How agents have ended, without reasons."""
-    return outcomes_of(progress.world.outcomes(), made.planner_names, progress.called.tracebacks)
+    return outcomes_of(progress.world.outcomes(), progress.made.planner_names, progress.called.tracebacks)
 
 
 def orders_until_now(progress: Progress) -> Orders | None:
@@ -43,39 +43,46 @@ def orders_until_now(progress: Progress) -> Orders | None:
     return orders if progress.world.obeying or len(orders.agent_id) else None
 
 
-def explained_run(made: Preparation, progress: Progress, plans: Plans, threads: int, *, with_violations: bool) -> Run:
+def explained_run(progress: Progress, plans: Plans, *, with_violations: bool) -> Run:
     """The run until now with reasons of outcomes, and perhaps violations."""
-    run = unexplained_run(made, progress, plans, threads)
-    world = progress.world
+    run = unexplained_run(progress, plans)
+    made, world = progress.made, progress.world
     broken = violations(run, made.road, made.areas, world.obeying, world.entries()) if with_violations else None
     return replace(run, outcomes=replace(run.outcomes, reason=reasons(run, made.road)), violations=broken)
 
 
-def unexplained_run(made: Preparation, progress: Progress, plans: Plans, threads: int) -> Run:
+def unexplained_run(progress: Progress, plans: Plans) -> Run:
     """The run until now without reasons and violations."""
     states = states_of(progress.world.states())
-    firsts = first_states(states, made.waiting)
-    return assembled_run(made, progress, threads, states=states, plans=plans, firsts=firsts, digest=digest(states))
+    firsts = first_states(states, progress.made.waiting)
+    return assembled_run(progress, states=states, plans=plans, firsts=firsts, digest=digest(states))
 
 
 def assembled_run(
-    made: Preparation,
     progress: Progress,
-    threads: int,
     *,
     states: States,
     plans: Plans,
     firsts: Mapping[int, FirstState],
     digest: str,
 ) -> Run:
-    """The run until now without reasons and violations; its states and plans may not all be in the world."""
+    """The run until now without reasons and violations, for one whose states and plans need not all be in the world.
+
+    Args:
+        progress: Of the run.
+        states: Its states.
+        plans: Its plans.
+        firsts: When and how each generated vehicle was there for the first time.
+        digest: Of all its states.
+    """
+    made = progress.made
     settings, dt = made.settings, made.scenario.dt
     world, logs, sumo, now = progress.world, progress.logs, progress.sumo, progress.world.time_step
-    outcomes = outcomes_until_now(made, progress)
+    outcomes = outcomes_until_now(progress)
     negotiates = settings.v2x.negotiate and bool(world.equipped)
     return Run(
         scenario=made.scenario,
-        settings=made.repeatable_settings(threads),
+        settings=made.repeatable_settings(progress.threads),
         agents=agent_records(made.as_entered(firsts), made.planner_names),
         outcomes=outcomes,
         states=states,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,26 +17,18 @@ from interdrive.runs import Run, RunInterrupted
 from interdrive.scenario.native import thread_count
 from interdrive.simulation.preparation import prepared
 from interdrive.simulation.progress import Progress
-from interdrive.simulation.record import (
-    assembled_run,
-    explained_run,
-    orders_until_now,
-    outcomes_until_now,
-    unexplained_run,
-)
+from interdrive.simulation.record import explained_run, outcomes_until_now, unexplained_run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence, Set
+    from collections.abc import Callable, Sequence, Set
 
     from interdrive import _core
     from interdrive.config.agent_config import PlannersSpec, RulesSpec, V2xSpec, ViewsSpec
     from interdrive.config.schema import SettingsSpec, TrafficSpec
     from interdrive.config.specs import PlannerSpec, PredictorSpec
     from interdrive.files import ScenarioSpec
-    from interdrive.run import Orders, Outcomes, States
-    from interdrive.run.assemble import FirstState
+    from interdrive.run import Outcomes, States
     from interdrive.scenario import Scenario
-    from interdrive.scenario.agents import Agent
 
 
 class Simulation:
@@ -48,6 +39,10 @@ class Simulation:
         >>> while not simulation.is_done:  # doctest: +SKIP
         ...     simulation.step()
         >>> run = simulation.record()  # doctest: +SKIP
+
+    Attributes:
+        preparation: What the run is made of.
+        progress: What changes while it is stepped.
     """
 
     def __init__(
@@ -120,27 +115,27 @@ class Simulation:
             reachable=reachable_agents,
             on_setup=self._on_setup,
         )
-        self._made = made
+        self.preparation = made
         self.scenario, self.settings, self.seed = made.scenario, made.settings, made.seed
         self.road, self.agents, self.traffic = made.road, made.agents, made.traffic
-        self._progress = self._begun()
+        self.progress = self._begun()
 
     def __repr__(self) -> str:
         return f"<Simulation of {self.scenario.name}: {len(self.agents)} agents, time step {self.world.time_step}>"
 
     def reset(self) -> None:
         """Returns to the first time step, with new planners and a new predictor."""
-        self._progress.stop()
-        self._progress = self._begun()
+        self.progress.stop()
+        self.progress = self._begun()
 
     def _begun(self) -> Progress:
         self._on_setup(f"preparing {said_count(len(self.agents), 'agent')}", 0, 0)
-        return Progress(self._made, self.threads, raises=self._raises, with_processes=self._with_processes)
+        return Progress(self.preparation, self.threads, raises=self._raises, with_processes=self._with_processes)
 
     @property
     def world(self) -> _core.World:
         """The world of the core."""
-        return self._progress.world
+        return self.progress.world
 
     @property
     def time_step(self) -> int:
@@ -167,7 +162,7 @@ class Simulation:
         """
         if self.world.is_done:
             return
-        progress, world, time_step = self._progress, self.world, self.world.time_step
+        progress, world, time_step = self.progress, self.world, self.world.time_step
         progress.logs.begin(time_step)
         step = progress.begin_step()
         missing = step.missing
@@ -184,14 +179,14 @@ class Simulation:
 
     def _let_go_of_hit_agents(self, driving: Set[int]) -> None:
         """Lets agents that drove drive on after contacts that were not their fault; who hit them leaves."""
-        world, progress = self.world, self._progress
+        world, progress = self.world, self.progress
         raw = world.outcomes()
         ended = set(raw["agent_id"][raw["partner_id"] >= 0].tolist()) & driving - set(world.driving)
         if ended:
             from interdrive.scoring.hits import hits_among  # noqa: PLC0415 - few runs have contacts
 
             partners = dict(zip(raw["agent_id"].tolist(), raw["partner_id"].tolist(), strict=True))
-            run = explained_run(self._made, progress, Plans(**world.plans()), self.threads, with_violations=True)
+            run = explained_run(progress, Plans(**world.plans()), with_violations=True)
             for hit in hits_among(run, ended):
                 world.drive_on(hit.agent_id)
                 progress.hits.append(hit)
@@ -217,14 +212,14 @@ class Simulation:
                 if on_step is not None:
                     on_step(self.world.time_step, len(self.world.driving), len(self.agents), last)
         except KeyboardInterrupt:
-            self._progress.logs.catch_up(self.world.time_step)
+            self.progress.logs.catch_up(self.world.time_step)
             self.stop()
             raise RunInterrupted(self.record()) from None
         return self.record()
 
     def stop(self) -> None:
         """Ends the processes of the run; no further step is possible where there were any."""
-        self._progress.stop()
+        self.progress.stop()
 
     def states(self) -> States:
         """The states of all participants until now."""
@@ -232,7 +227,7 @@ class Simulation:
 
     def outcomes(self) -> Outcomes:
         """How agents have ended until now, without reasons; `record` has them."""
-        return outcomes_until_now(self._made, self._progress)
+        return outcomes_until_now(self.progress)
 
     def run_until_ended(self, agent_id: int) -> None:
         """Steps until one agent has its outcome; the others may still be driving then.
@@ -252,7 +247,7 @@ class Simulation:
             is_driving = agent_id in self.world.driving
             if not is_driving and self.outcomes().outcome[int(rows[0])] != "running":
                 break
-        self._progress.called.close()
+        self.progress.called.close()
 
     def record(self, *, explained: bool = True) -> Run:
         """The run until now, as arrays.
@@ -263,46 +258,8 @@ class Simulation:
         # A run that is over makes no more plans.
         plans = Plans(**(self.world.hand_over_plans() if self.world.is_done else self.world.plans()))
         if not explained:
-            return unexplained_run(self._made, self._progress, plans, self.threads)
-        return explained_run(
-            self._made, self._progress, plans, self.threads, with_violations=self.settings.record.violations
-        )
-
-    def assembled(self, states: States, plans: Plans, firsts: Mapping[int, FirstState], digest: str) -> Run:
-        """The run until now without reasons and violations, for one whose states and plans are not all in the world.
-
-        Args:
-            states: Its states.
-            plans: Its plans.
-            firsts: When and how each generated vehicle was there for the first time.
-            digest: Of all its states.
-        """
-        return assembled_run(
-            self._made, self._progress, self.threads, states=states, plans=plans, firsts=firsts, digest=digest
-        )
-
-    def as_entered(self, firsts: Mapping[int, FirstState], wanted: Set[int] | None = None) -> list[Agent]:
-        """The agents; those that have waited with the time and the speed at which they entered.
-
-        Args:
-            firsts: When and how those that may have waited (`waiting`) were there for the first time.
-            wanted: Ids; None: all agents.
-        """
-        return self._made.as_entered(firsts, wanted)
-
-    @property
-    def waiting(self) -> list[int]:
-        """Ids of the agents that may enter later than stated: generated ones; with `step.entry_wait` others, too."""
-        return self._made.waiting
-
-    @cached_property
-    def areas(self) -> Mapping[str, Any]:
-        """Ground that several ways share, as `_core.Scenario.junctions` tells."""
-        return self._made.areas
-
-    def orders(self) -> Orders | None:
-        """What agents were told until now; None if none enters junctions by order and none has waited."""
-        return orders_until_now(self._progress)
+            return unexplained_run(self.progress, plans)
+        return explained_run(self.progress, plans, with_violations=self.settings.record.violations)
 
 
 def reachable_agents(scenario: Scenario, settings: SimulationSettings | None = None) -> list[int]:
