@@ -82,7 +82,7 @@ test: $(VENV)/.installed ## tests of the core and the package, but those of `mak
 	cargo test --profile quick --quiet -p interdrive-core -p interdrive-commonroad
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=60 -m "not recorded and not long" # a module's fixtures are made by one worker
 
-long: $(VENV)/.installed ## tests of batches, whole commands, examples, faults of disks and processes
+long: $(VENV)/.installed ## tests that take seconds: batches, whole commands, examples, faults of disks and processes
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal --durations=40 -m "long and not recorded"
 
 # One process, which reads the files once.

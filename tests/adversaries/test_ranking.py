@@ -89,6 +89,7 @@ def trial(tmp_path_factory):
     return result, json.loads((out / "adversaries.json").read_text())
 
 
+@pytest.mark.long
 def test_in_the_t_junction_the_score_tells_them_apart(trial):
     result, stored = trial
     assert result.exit_code == 0, result.output
@@ -110,6 +111,7 @@ def test_crude_ones_are_below_every_honest_driver_there(trial):
     assert "did not arrive" in reasons["GoStop"]
 
 
+@pytest.mark.long
 def test_who_passes_on_red_gets_nothing_where_honest_drivers_wait(monkeypatch):
     names = ("RedRunner", "Bully", "rollout_norules")
     monkeypatch.setattr("interdrive.adversaries.trial.ADVERSARIES", tuple(BY_NAME[name] for name in names))

@@ -50,6 +50,7 @@ def test_a_crowd_has_as_many_vehicles_as_asked_for_on_roads_of_their_own(picture
     assert on_road.mean() > 0.9
 
 
+@pytest.mark.long
 def test_figures_and_a_scene_per_category_are_drawn_as_pdf_and_png(tmp_path):
     done = subprocess.run(
         [sys.executable, str(FOLDER), "lane_merge", "t_junction", "--every", "40", "--workers", "1", "--out", tmp_path,

@@ -179,6 +179,7 @@ def test_numbers_that_fits_do_not_agree_on_are_not_identified():
     assert not ranges(z[:5], np.ones(5), is_long=True)["time_gap.median"].is_identified, "too few fits"
 
 
+@pytest.mark.long
 def test_the_fit_is_better_than_the_usual_drivers_and_says_where_it_is_from(found):
     rows = [json.loads(line) for line in (found.file.parent / "evaluations.jsonl").read_text().splitlines()]
     in_worlds = [row for row in rows if row["stage"] == "B"]
@@ -209,6 +210,7 @@ def test_what_was_tried_is_a_table_with_units(found):
     assert {f"part_{name}" for name in parts} <= set(table.schema.names)
 
 
+@pytest.mark.long
 def test_the_drivers_can_be_a_file_of_their_own(files, found, tmp_path):
     options = {"hold_out": ["DEU_Bypass"], "licence": 'free "to use"', **QUICK}
     again = idr.calibrate(files, "idm", out=tmp_path / "mine.toml", **options)
@@ -267,6 +269,7 @@ def test_verdicts_name_what_is_missed(found):
     assert (unknown.is_realistic, unknown.reasons) == (None, ("collisions per 100 in long drives is not known",))
 
 
+@pytest.mark.long
 def test_an_interrupted_calibration_goes_on_with_the_same_bits(files, found, tmp_path):
     folder, whole = tmp_path / "fit", found.file.parent
     folder.mkdir()

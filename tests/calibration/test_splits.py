@@ -76,6 +76,7 @@ def test_the_part_that_chooses_picks_one_of_the_best_and_counts_as_seen(folder, 
     assert np.isfinite(found.provenance["held_out_energy_5"]["DEU_Avenue"])
 
 
+@pytest.mark.long
 def test_each_fold_is_fitted_without_the_place_where_it_is_measured(folder, tmp_path):
     found = idr.calibrate(folder, folds="place", out=tmp_path / "fit", **QUICK)
     assert set(found.folds) == {"DEU_Motorway", "DEU_Bypass", "DEU_Avenue"}

@@ -27,6 +27,7 @@ def file(tmp_path_factory):
     return path
 
 
+@pytest.mark.long
 def test_a_killed_calibration_goes_on_and_ends_with_the_same_bytes(file, tmp_path):
     options = ("--stage", "A", "--evaluations", 400, "--quiet")
     whole = _run("calibrate", file, "--out", tmp_path / "whole", *options)

@@ -402,6 +402,7 @@ def test_a_real_run_is_the_same_again_to_the_last_bit(real):
     assert invoke("verify", "made").exit_code == 1
 
 
+@pytest.mark.long
 def test_a_real_run_with_a_planner_per_agent_is_the_same_again(real):
     (real / "mine.py").write_text(
         "from dataclasses import dataclass\n"

@@ -15,6 +15,7 @@ def command(folder, *arguments):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scenario", ["signals", "lane_merge"])
 def test_a_run_with_everything_that_it_can_draw_and_record_shows_none(tmp_path, scenario):
     drawn = ("--report", "--png", "--set", "step.max_steps=12", "--agents", "6", "--out", "run", "--quiet")

@@ -365,6 +365,7 @@ def test_weighted_medians(values, weights, median):
     np.testing.assert_equal(found, [median])
 
 
+@pytest.mark.long
 def test_traffic_and_agents_are_compared_apart(tmp_path):
     done = idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", workers=2)
     idr.batch("lane_merge", tmp_path, planner="idm,idm_mobil", agents=2, workers=2)
@@ -373,6 +374,7 @@ def test_traffic_and_agents_are_compared_apart(tmp_path):
     assert {r["n_agents"] for r in found.table.to_pylist()} == {7, 2}
 
 
+@pytest.mark.long
 def test_a_comparison_is_a_folder_that_is_replaced_but_nothing_else(two, tmp_path):
     found = compare(two)
     target = save_comparison(found, tmp_path / "out")
@@ -429,6 +431,7 @@ def test_questions_that_cannot_be_answered_are_one_line(two, tmp_path, monkeypat
         query(two, "select 1")
 
 
+@pytest.mark.long
 def test_the_commands_print_tables(two):
     def said(*arguments):
         done = CliRunner().invoke(main, list(map(str, arguments)))

@@ -24,6 +24,7 @@ def drawn_sets(n_places, n_sets, seed):
         yield values, np.repeat(np.arange(n_places), sizes).astype(str).tolist()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("n_places", [6, 10, 16, 30])
 def test_95_percent_intervals_over_places_hold_the_truth_and_those_over_files_do_not(n_places):
     n_sets, places, files = 300, 0, 0

@@ -4,9 +4,12 @@ import importlib
 import json
 from pathlib import Path
 
+import pytest
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
+@pytest.mark.long
 def test_the_tutorial_does_what_it_says(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(DOCS / "extensions")
     pages = importlib.import_module("executed_pages")

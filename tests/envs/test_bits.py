@@ -101,6 +101,7 @@ assert addresses == [getattr(rows, name).ctypes.data for name in ("observations"
 """
 
 
+@pytest.mark.long
 def test_many_episodes_need_no_more_memory_than_few():
     # In a process of its own: what else a process has done decides how its memory grows.
     command = [sys.executable, "-c", MANY_EPISODES]

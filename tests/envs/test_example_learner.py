@@ -80,6 +80,7 @@ def test_observations_of_several_batches_have_the_mean_and_spread_of_all(policie
     np.testing.assert_allclose(policy.spread, np.concatenate(batches).std(0), rtol=1e-4)
 
 
+@pytest.mark.long
 def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
     policy, curve = ppo.train(seconds=60.0, most_steps=1500, seed=0, threads=1)
     assert curve[-1]["steps"] >= 1500
@@ -97,6 +98,7 @@ def test_the_exported_policy_acts_as_the_trained_network_does(ppo, tmp_path):
     assert "planner_error" not in run.outcomes.outcome
 
 
+@pytest.mark.long
 def test_training_with_the_same_seed_gives_the_same_policy_with_any_number_of_threads(ppo):
     trained = [ppo.train(seconds=60.0, most_steps=1500, seed=1, threads=threads) for threads in (1, 2)]
     assert all(len(curve) > 1 for _, curve in trained)  # so there was an update

@@ -67,6 +67,7 @@ def after(calls, then, monkeypatch):
     return made
 
 
+@pytest.mark.long
 def test_a_failure_is_not_made_smaller_when_the_time_is_over(file, done, tmp_path, monkeypatch):
     offset = [0.0]
     clock = types.SimpleNamespace(time=lambda: time.time() + offset[0])
@@ -83,6 +84,7 @@ def test_a_failure_is_not_made_smaller_when_the_time_is_over(file, done, tmp_pat
     the_same(tmp_path / "out", done)
 
 
+@pytest.mark.long
 def test_a_failure_that_is_being_made_small_at_ctrl_c_is_kept_as_it_is_and_made_small_later(
     file, done, tmp_path, monkeypatch
 ):
@@ -102,6 +104,7 @@ def test_a_failure_that_is_being_made_small_at_ctrl_c_is_kept_as_it_is_and_made_
     assert all(one.is_small for one in failures(tmp_path / "out"))
 
 
+@pytest.mark.long
 def test_failures_are_kept_as_they_are_found_and_made_small_when_one_asks_for_it(file, done, tmp_path):
     found = searched(file, tmp_path / "out", shrink=False)
     (one,) = found.failures
@@ -114,6 +117,7 @@ def test_failures_are_kept_as_they_are_found_and_made_small_when_one_asks_for_it
     the_same(tmp_path / "more" / "out", done)
 
 
+@pytest.mark.long
 def test_a_search_that_goes_on_and_ends_early_keeps_all_that_it_had_found(file, tmp_path, monkeypatch):
     def interrupt():
         raise KeyboardInterrupt
@@ -167,6 +171,7 @@ class Mortal(Straight):
 """
 
 
+@pytest.mark.long
 def test_a_failure_whose_process_is_lost_while_it_is_made_small_is_kept_as_it_is(file, done, tmp_path, monkeypatch):
     first = next(row["index"] for row in rows_of(done) if row["failure"])
     # One run undisturbed, and those up to the failure.

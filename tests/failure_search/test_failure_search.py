@@ -59,6 +59,7 @@ def invoked(*arguments):
     return result.exit_code, " ".join(result.output.split())
 
 
+@pytest.mark.long
 def test_a_planner_that_does_not_see_its_leader_brake_is_found_at_fault_and_others_avoid_it(done):
     found, folder = done
     assert found.runs == RUNS
@@ -125,6 +126,7 @@ def test_the_picture_of_a_failure_shows_where_it_happened(done):
     assert view.width < 12.0 + 2.0 * 15.0 + 2.0 * 15.0, "m: a second, what is around it, and a margin"
 
 
+@pytest.mark.long
 def test_an_agent_that_fails_undisturbed_is_named_first_and_still_searched(tmp_path):
     path = tmp_path / "slow.xml"
     made = world(straight_road(400.0), cars=[Car(AGENT, 20.0), Car(LEADER, 50.0, velocity=4.0)], steps=80)
@@ -141,6 +143,7 @@ def test_an_agent_that_fails_undisturbed_is_named_first_and_still_searched(tmp_p
     assert text.index(f"slow {AGENT}") < text.index("001: slow")
 
 
+@pytest.mark.long
 def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes(done, file, tmp_path):
     def stop(runs, n_failures):
         if runs == 5:
@@ -157,6 +160,7 @@ def test_an_interrupted_search_keeps_what_it_found_and_goes_on_to_the_same_bytes
     assert [one.digest for one in found.failures] == [one.digest for one in done[0].failures]
 
 
+@pytest.mark.long
 def test_a_killed_search_goes_on_to_the_same_bytes_and_another_process_repeats_its_failures(done, file, tmp_path):
     support = str(Path(drivers.__file__).parent)
     out, space = tmp_path / "killed", tmp_path / "space.toml"
@@ -245,6 +249,7 @@ class Hanging(drivers.Straight):
 """
 
 
+@pytest.mark.long
 def test_a_planner_that_hangs_ends_a_check_and_a_repetition_after_the_time_that_it_is_given(
     done, tmp_path, monkeypatch
 ):
@@ -305,6 +310,7 @@ def test_a_damaged_search_is_refused_in_one_line(done, tmp_path, spoilt):
     assert (code, "is damaged" in text) == (2, True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [2, 4])
 def test_results_do_not_depend_on_the_number_of_processes(done, file, tmp_path, workers):
     searched(file, tmp_path / "more", workers=workers)
@@ -338,6 +344,7 @@ def test_a_run_that_ends_its_process_is_a_row_and_the_search_goes_on(done, file,
     assert rows["digest"][:first] == told["digest"][:first]
 
 
+@pytest.mark.long
 def test_a_search_ends_after_its_time_and_after_so_many_failures(done, file, tmp_path):
     assert searched(file, tmp_path / "short", runs=None, minutes=1e-9).runs == 0
     found = searched(file, tmp_path / "one", stop_after=1)

@@ -55,6 +55,7 @@ def test_the_words_of_a_failure_say_who_errs(kind):
     assert erring_in(Disturbance({102: 1.0}, {102: 1.1}, None, 40.0).words()) is None
 
 
+@pytest.mark.long
 def test_a_search_is_asked_for_its_vehicles_but_those_that_err(tmp_path):
     for name, speed in (("slow", 11.0), ("fast", 13.0)):
         cars = [Car(AGENT + place, 20.0 + 25.0 * place, velocity=speed) for place in range(10)]

@@ -91,6 +91,7 @@ def test_another_name_is_refused_with_the_list():
         shipped_scenario("roundabout")
 
 
+@pytest.mark.long
 def test_the_files_are_what_the_script_makes():
     found = subprocess.run(
         [sys.executable, "scenarios/make.py", "--check"], cwd=ROOT, capture_output=True, text=True, check=False

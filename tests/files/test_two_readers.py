@@ -21,6 +21,7 @@ MUTANTS = 300
 LARGE = 1_000_000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("part", range(4))
 def test_mutated_documents_are_read_alike(part):
     seeds = documents()
@@ -30,6 +31,7 @@ def test_mutated_documents_are_read_alike(part):
         assert disagreements(data, f"mutant {index}") == [], index
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", [DOCUMENT_2020A, DOCUMENT_2018B], ids=["2020a", "2018b"])
 def test_documents_with_one_mistake_are_read_alike(text):
     for what, root in broken(text):

@@ -120,6 +120,7 @@ def test_as_many_leave_a_road_as_enter_it():
     assert all(row.queue <= 3 for row in calm if row.side == "in")
 
 
+@pytest.mark.long
 def test_a_road_carries_what_it_can_and_the_rest_queues():
     busy = flows(3000, 100)
     out = [row.flow for row in busy if row.side == "out"]

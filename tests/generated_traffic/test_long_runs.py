@@ -52,6 +52,7 @@ def small_parts(monkeypatch):
     monkeypatch.setattr(long_runs, "_BATCH", 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.usefixtures("small_parts")
 def test_a_run_is_the_same_whether_it_is_held_or_written(name, held, tmp_path):
@@ -65,6 +66,7 @@ def test_a_run_is_the_same_whether_it_is_held_or_written(name, held, tmp_path):
         assert one.speed == pytest.approx(other.speed, nan_ok=True)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("small_parts")
 def test_vehicles_that_stay_for_long_are_judged_in_pieces(held, tmp_path, monkeypatch):
     held = held("t_junction")

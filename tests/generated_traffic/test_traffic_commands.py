@@ -131,6 +131,7 @@ def test_what_takes_long_before_the_first_step_is_told():
     assert told == [("making traffic", done, n) for done in range(1, n + 1)] + [(f"preparing {n} agents", 0, 0)]
 
 
+@pytest.mark.long
 def test_compare_shows_flow_speed_and_queue_of_generated_traffic():
     for name, traffic in (("with", ["--traffic", "recorded,idm,rate=300,duration=10"]), ("without", [])):
         words = ["--planner", "idm,idm_mobil", "--agents", "1", "--workers", "1", "--out", f"out/{name}", *traffic]

@@ -150,6 +150,7 @@ def test_worlds_with_files_or_without_a_file_are_driven_every_time(run, tmp_path
         assert asked(one).key == ""
 
 
+@pytest.mark.long
 def test_the_command_drives_a_set_that_other_commands_read(run, tmp_path, nothing_drives):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("interdrive.panel.worlds.simulate", idr.simulate)

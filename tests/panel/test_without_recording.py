@@ -45,6 +45,7 @@ def scored(scenario, number):
     return idr.score(run, [number], panel=("lawful", "idm")), run
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "number"), AGENTS)
 def test_a_planning_problem_gets_what_a_recorded_vehicle_gets(name, number):
     recorded = read_scenario(idr.shipped_scenario(name))

@@ -101,6 +101,7 @@ def test_the_run_stores_its_drivers_plain_and_can_be_repeated_without_their_file
     assert idr.simulate(road, planner=name).digest != run.digest
 
 
+@pytest.mark.long
 def test_planners_in_processes_of_their_own_see_the_same(road, file):
     digests = {idr.simulate(road, planner={"planner": kind, "drivers": file}).digest for kind in (Hurried, Parallel)}
     assert len(digests) == 1

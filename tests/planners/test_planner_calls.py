@@ -157,6 +157,7 @@ def test_parallel_planners_drive_to_the_same_bits_as_planners_in_the_process_of_
         assert drive(Remembering, threads, steps=(0, 80)).digest == alone.digest
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("planner", "words"),
     [

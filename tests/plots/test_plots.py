@@ -241,6 +241,7 @@ def test_a_film_that_cannot_be_made_is_refused_in_one_line(run, tmp_path, name, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.long
 def test_mp4_holds_every_frame_in_real_time_and_the_end_for_two_seconds(run, tmp_path, ffmpeg):
     animate_run(run, tmp_path / "run.mp4", fps=2)
     stage = Stage(run)

@@ -55,6 +55,7 @@ def test_thousands_of_vehicles_are_looked_at_in_no_time():
     assert pairs(*cars, steps=0) == ((150, 9000),)
 
 
+@pytest.mark.long
 def test_a_thousand_vehicles_in_each_other_for_a_minute_are_looked_at_within_seconds():
     crowd = [Car(number, x=10.0 + 0.001 * number, velocity=1.0) for number in range(1, 1001)]
     begun = time.process_time()

@@ -246,6 +246,7 @@ def start(folder, *arguments):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("overwrite", [(), ("--overwrite",)])
 def test_of_commands_with_the_same_folder_each_has_its_result_there_or_says_that_it_has_none(tmp_path, overwrite):
     running = [

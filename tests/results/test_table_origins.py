@@ -55,6 +55,7 @@ def origins(folder, pattern):
     return found
 
 
+@pytest.mark.long
 def test_every_column_of_every_parquet_file_has_its_unit_its_meaning_and_why_it_is_null(made):
     for path, table in origins(made, "**/*.parquet").items():
         for field in table.schema:

@@ -104,6 +104,7 @@ def test_a_benchmark_of_passages_has_a_column_for_each_kind_of_traffic(tmp_path,
     assert again["idm"].number == idm.number and again["idm"].columns == idm.columns
 
 
+@pytest.mark.long
 def test_a_table_for_a_paper_has_the_weighted_number_beside_the_score(tmp_path, windows, monkeypatch):
     chosen = a_set(windows, (8, 20, 90), weights={"motorway": 1.0}, traffic=("recorded", "velocity_adjusting", "idm"),
                    counted=("velocity_adjusting", "idm"))  # fmt: skip

@@ -81,6 +81,7 @@ def drawn(random):
     )
 
 
+@pytest.mark.long
 def test_whatever_gets_worse_never_raises_the_score():
     random = np.random.default_rng(20261128)
     for _ in range(5000):

@@ -198,6 +198,7 @@ def test_the_command_prints_the_table_and_stores_it(tmp_path):
     idr.load(folder)
 
 
+@pytest.mark.long
 def test_a_batch_is_judged_by_planner_and_one_broken_run_is_left_out(tmp_path):
     scenario = tmp_path / "late.xml"
     agent = problem(100, 20.0, velocity=15.0, goal=(360.0, 0.0), time_step=(0, 200))

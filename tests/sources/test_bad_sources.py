@@ -93,6 +93,7 @@ def test_a_file_that_cannot_be_read_is_refused_in_one_line(here, name):
     assert [path.name for path in here.iterdir()] == [name]
 
 
+@pytest.mark.long
 def test_what_unpacks_to_very_much_is_refused(here):
     (here / "bomb.xodr.gz").write_bytes(gzip.compress(bytes(513 * 2**20), 1))
     assert refused("convert", "bomb.xodr.gz") == "error: bomb.xodr.gz: unpacks to more than 512 MB; cut it\n"

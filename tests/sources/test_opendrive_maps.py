@@ -80,6 +80,7 @@ def test_a_map_has_its_lanes_links_lengths_and_sides(inputs_folder, expected, na
             assert stated[limit] >= count, "lanes of junctions have limits besides the stated ones"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MAPS)
 def test_the_middles_of_lanes_are_where_others_put_them(inputs_folder, expected, name):
     path = file_of(inputs_folder, name)
@@ -141,6 +142,7 @@ def test_names_of_roads_do_not_matter(inputs_folder):
     assert places[0] == places[1]
 
 
+@pytest.mark.long
 def test_a_town_is_read_in_at_most_eight_times_what_its_xml_takes(inputs_folder):
     path = file_of(inputs_folder, "Town03")
     document = gzip.decompress(path.read_bytes())

@@ -123,6 +123,7 @@ def test_without_the_extra_one_line_says_what_to_install(trace, monkeypatch):
         idr.read_source(trace)
 
 
+@pytest.mark.long
 def test_real_traces_have_their_objects_and_frames(inputs_folder):
     expected = json.loads((inputs_folder / "expected_misc.json").read_text())["osi"]
     for name, values in expected.items():

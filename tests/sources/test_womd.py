@@ -168,6 +168,7 @@ def shares_on_lanelets(scenario):
     return on.mean(), inside.reshape(-1, 4).all(axis=1).mean()
 
 
+@pytest.mark.long
 def test_in_real_scenes_lanes_are_linked_and_vehicles_are_on_them(inputs_folder):
     expected = json.loads((inputs_folder / "expected_misc.json").read_text())["womd"]
     assert len(expected) == 4

@@ -40,6 +40,7 @@ def test_shares_delays_and_losses_span_what_is_asked():
     assert "view.occlusion" not in Variant(1.0).settings, "a setting of the user is kept"
 
 
+@pytest.mark.long
 def test_runs_with_occlusion_are_compared_with_those_without_v2x_that_have_it_too(tmp_path):
     study = study_of(
         {"scenario": "a", "variant": "0%", "agents": 4, "reached": 4, "time": 10.0},

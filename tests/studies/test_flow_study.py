@@ -164,6 +164,7 @@ def spread(planner, seconds, **settings):
     return own[:200].mean(), own[-200:].mean()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("acceleration", "waves"), [(0.4, True), (4.0, False)])
 def test_waves_grow_in_strings_of_idm_that_are_unstable_by_theory(acceleration, waves):
     # Treiber, Kesting, "Traffic Flow Dynamics", 2013, section 15.4: unstable where the speed of equilibrium grows more
@@ -181,6 +182,7 @@ def test_strings_of_rollout_are_at_least_as_stable_as_those_of_idm():
     assert after <= following
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("length", "density", "seconds"), [(1383.31, 60.0, 4.0), (1000.0, 80.0, 8.0)])
 def test_who_begins_near_the_start_of_its_lanelet_stays_in_lanes_that_go_around_the_ring(length, density, seconds):
     run = simulate(

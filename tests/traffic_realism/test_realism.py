@@ -63,6 +63,7 @@ def test_vehicles_that_keep_their_speed_are_forecast_by_constant_velocity(found)
     assert rows["idm"].energy_interval[5][0] <= rows["idm"].energy[5] <= rows["idm"].energy_interval[5][1]
 
 
+@pytest.mark.long
 def test_results_do_not_depend_on_the_number_of_processes(recording, found, tmp_path):
     again = idr.realism(recording, ["idm", "idm_mobil,politeness=0.5"], long=16.0, starts=[1.0, 5.0], workers=2)
     folders = [save_realism(one, tmp_path / name) for one, name in ((found, "one"), (again, "two"))]
