@@ -31,3 +31,8 @@ def test_what_only_looks_like_an_element_takes_nothing_with_it(hidden):
 
 def test_elements_without_content_stay():
     assert parsed(f'<map><obstacle id="7"/>{ROAD}</map>') == parsed(f'<map><obstacle id="7"/>{ROAD}</map>', ())
+
+
+def test_a_greater_than_sign_within_an_attribute_ends_no_element():
+    text = f'<map><obstacle id="7" note="a>b"/>{ROAD}<obstacle id="8" note=\'a/>b\'><shape/></obstacle></map>'
+    assert parsed(text) == parsed(f'<map><obstacle id="7" note="a>b"/>{ROAD}</map>', ())

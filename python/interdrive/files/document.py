@@ -30,6 +30,9 @@ _CUT = tuple(
 #: What encloses text that may look like elements.
 _ENCLOSING = ("<!--", "<![CDATA[", "<?")
 
+#: Attributes of an element, whose values may have any character but "<".
+_ATTRIBUTES = r"""(?:\s+[^\s<>"'=/]+\s*=\s*(?:"[^"<]*"|'[^'<]*'))*"""
+
 
 def parse(data: bytes, file: str, but: Sequence[str] = ()) -> Element:
     """Parses an XML document without entities, document types or external references.
@@ -69,7 +72,7 @@ def _without(text: str, tags: Sequence[str]) -> str:
     if any(text.find(mark, begin) >= 0 for mark in _ENCLOSING):
         return text
     for tag in tags:
-        text = re.sub(rf"<{tag}(?:\s[^<>]*)?(?<!/)>.*?</{tag}\s*>", "", text, flags=re.DOTALL)
+        text = re.sub(rf"<{tag}{_ATTRIBUTES}\s*>.*?</{tag}\s*>", "", text, flags=re.DOTALL)
     return text
 
 
