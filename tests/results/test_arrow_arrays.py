@@ -58,9 +58,23 @@ def test_labels_in_parts_are_joined():
     assert values_of(pa.chunked_array([some, more]), "none").tolist() == ["idm", "none", "frenet", "rollout", "idm"]
 
 
+def test_a_label_may_be_absent_among_the_labels_and_there_may_be_as_many_as_their_type_counts():
+    many = pa.DictionaryArray.from_arrays(pa.array([0, 127, None], pa.int8()), pa.array([None, *map(str, range(127))]))
+    assert values_of(many, "none").tolist() == ["none", "126", "none"]
+
+
 @pytest.mark.parametrize(
-    "kind", [pa.int64(), pa.float64(), pa.bool_(), pa.string(), pa.dictionary(pa.int32(), pa.string())]
-)
+    "kind",
+    [
+        pa.int64(),
+        pa.float64(),
+        pa.bool_(),
+        pa.string(),
+        pa.large_string(),
+        pa.dictionary(pa.int32(), pa.string()),
+        pa.dictionary(pa.int8(), pa.large_string()),
+    ],
+)  # fmt: skip
 def test_a_column_without_rows_has_no_values(kind):
     found = values_of(pa.chunked_array([], type=kind))
     assert found.shape == (0,)
@@ -99,6 +113,22 @@ def test_a_column_takes_arrays_and_lists_and_what_is_absent_in_them_is_null(colu
     assert arrow_table([column], {column.name: values})[column.name].to_pylist() == found
 
 
-def test_fractions_are_refused_where_integers_are_meant():
+def test_nan_is_a_value_where_every_row_has_one():
+    (made,) = arrow_table([SPEED], {"speed": [float("nan"), 4.0]})["speed"].chunks
+    assert made.null_count == 0
+    assert np.isnan(made[0].as_py())
+
+
+@pytest.mark.parametrize("given", [np.array([1.5]), [1.5], [1.5, None], (2, 0.5)])
+def test_fractions_are_refused_where_integers_are_meant(given):
     with pytest.raises(TypeError, match="column lanelets: float64 with fractions is no integer"):
-        arrow_table([ROUTE], {"lanelets": np.array([1.5])})
+        arrow_table([ROUTE], {"lanelets": given})
+
+
+@pytest.mark.parametrize(
+    ("column", "given"),
+    [(ROUTE, ["3"]), (SPEED, ["fast"]), (SPEED, [True]), (Column("is_agent", "truth", "whether it plans"), ["no"])],
+)
+def test_values_of_another_kind_are_refused(column, given):
+    with pytest.raises(TypeError, match=f"column {column.name}: .* is no {column.kind}"):
+        arrow_table([column], {column.name: given})

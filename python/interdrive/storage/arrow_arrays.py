@@ -66,13 +66,15 @@ def values_of(column: pa.ChunkedArray | pa.Array, absent: Any = None) -> NDArray
     import pyarrow as pa  # noqa: PLC0415
 
     if isinstance(column, pa.ChunkedArray):
-        chunks = column.chunks or [_empty(column.type)]
+        chunks = column.chunks or [pa.nulls(0, column.type)]
         parts = [values_of(chunk, absent) for chunk in chunks]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
     array = column
     if pa.types.is_dictionary(array.type):
-        names = np.array([*array.dictionary.to_pylist(), absent], dtype=object)
-        picked: NDArray[Any] = names[values_of(array.indices, len(names) - 1)]
+        names = [absent if name is None else name for name in array.dictionary.to_pylist()]
+        rows = _content(array.indices).astype(np.int64)
+        rows[_are_absent(array.indices)] = len(names)
+        picked: NDArray[Any] = np.array([*names, absent], dtype=object)[rows]
         return picked
     if pa.types.is_string(array.type) or pa.types.is_large_string(array.type):
         return np.array([absent if text is None else text for text in array.to_pylist()], dtype=object)
@@ -95,14 +97,6 @@ def _content(array: pa.Array) -> NDArray[Any]:
     if not n:
         return np.zeros(0, dtype=kind)
     return np.frombuffer(content, dtype=kind, count=n, offset=kind.itemsize * begin).copy()
-
-
-def _empty(kind: pa.DataType) -> pa.Array:
-    import pyarrow as pa  # noqa: PLC0415
-
-    if pa.types.is_dictionary(kind):
-        return pa.DictionaryArray.from_arrays(_empty(kind.index_type), _empty(kind.value_type))
-    return texts(()) if pa.types.is_string(kind) else pa.Array.from_buffers(kind, 0, [None, pa.py_buffer(b"")])
 
 
 def _are_absent(array: pa.Array) -> Bools:

@@ -65,8 +65,11 @@ def _array(values: Any, column: Column, field: pa.Field) -> pa.Array:  # noqa: A
         if column.nullable and column.kind == "integer":
             absent |= values == column.absent
     else:
-        absent = np.array([*map(_is_absent, values)], dtype=np.bool_)
-        values = np.array([column.absent if gone else one for one, gone in zip(values, absent, strict=True)], kind)
+        # Where every row has a value, nan is one.
+        absent = np.array([_is_absent(one) if column.nullable else one is None for one in values], dtype=np.bool_)
+        values = np.array([column.absent if gone else one for one, gone in zip(values, absent, strict=True)])
+    if len(values) and values.dtype.kind not in ("b" if column.kind == "truth" else "iuf"):
+        raise TypeError(f"column {column.name}: {values.dtype} is no {column.kind}")
     if column.kind == "truth":
         return truths(values, absent)
     if values.dtype.kind == "f" and column.kind == "integer":
