@@ -45,7 +45,7 @@ _FILES_AT_ONCE = 256
 def encoded(table: pa.Table) -> bytes:
     """A table of one run as a Parquet file.
 
-    It is not compressed: for few rows preparing that takes three times as long as all else, and saves nothing.
+    It is not compressed: for few rows, setting that up takes three times as long as everything else and saves nothing.
     """
     sink = io.BytesIO()
     pq.write_table(_ORIGIN.marked(table), sink, compression="none", write_statistics=False)

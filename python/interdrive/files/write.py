@@ -234,7 +234,7 @@ def _states(
     names: tuple[str, ...],
     text: Callable[[float], str],
 ) -> Iterable[str]:
-    """What the elements of states hold: of all columns, the first of which is at the time step."""
+    """Contents of the elements of states, one for each column; the first column is at the time step."""
     own = {name: map(text, getattr(states, name)[row, columns].tolist()) for name in ("x", "y", "orientation", *names)}
     tags = "".join(_exact(_COLUMNS[name], "%s") for name in names)
     form = (

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: Spacing of the grid [m].
 SPACING = 0.5
 #: How a lawful driver accelerates and brakes [m/s²], and the least mean speed between two places [m/s]. Published
-#: scores rest on them, so that the braking does not follow `_core.EXPECTED_DECELERATION`.
+#: scores rest on them, so the braking does not follow `_core.EXPECTED_DECELERATION`.
 ACCELERATION, DECELERATION, SPEED_MIN = 2.0, 3.0, 0.05
 #: Lateral acceleration in curves [m/s²].
 LATERAL_ACCELERATION = 4.0

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 #: Less than this is not lost, and as far as this counts as there [m].
 _LOST_MIN, _THERE = 0.2, 0.05
 #: A vehicle is forced to brake by so long a stretch [s] of so much mean deceleration [m/s²], so much more than without
-#: the agent [m/s²], within this distance of it [m]. Published scores rest on them, so that a test
-#: compares the deceleration with what the rules expect of others (`_core.EXPECTED_DECELERATION`).
+#: the agent [m/s²], within this distance of it [m]. Published scores rest on them, so a test compares the deceleration
+#: with what the rules expect of others (`_core.EXPECTED_DECELERATION`).
 FORCED_TIME, FORCED_DECELERATION, _FORCED_MORE, _FORCED_WITHIN = 0.5, 3.0, 1.5, 40.0
 
 

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from interdrive.run import RunRecord, States
 
-#: Below this speed an agent stands [m/s]: the study's own measure, by which its published tables
-#: count.
+#: Below this speed an agent stands [m/s]: the study's own measure, by which its published tables count.
 STANDING_SPEED = 0.3
 #: Least time that counts [s]; distance ahead within which a cause is sought [m].
 _DURATION, _REACH = 10.0, 8.0
