@@ -123,6 +123,17 @@ def test_roads_of_any_origin_keep_bounds_relations_and_speed_limits(read, tmp_pa
     np.testing.assert_allclose(after.lanelets.left[0], before.lanelets.left[0], atol=1e-6)
 
 
+def test_the_sign_of_a_limit_of_2018b_takes_no_id_from_traffic(read, tmp_path):
+    states = [state(1, 1.0, orientation=0.0, velocity=10.0)]
+    old_car = car(30, initial(0.0), states).replace("dynamicObstacle", "obstacle")
+    old_car = old_car.replace("<type>", "<role>dynamic</role><type>")
+    limit = lanelet(29, more="<speedLimit>13.5</speedLimit>")
+    before = read(document(old_car, version="2018b", lanelets=limit))
+    after = written(run_of(before), tmp_path)
+    assert after.obstacles.ids.tolist() == [30]
+    np.testing.assert_array_equal(after.lanelets.speed_limit, [13.5])
+
+
 def test_ids_that_collide_are_replaced_by_free_ones(read, tmp_path):
     """Obstacle 1 has the id of a lanelet, planning problem 30 that of an obstacle, and 0 is none in this format."""
     states = [state(1, 1.0, orientation=0.0)]

@@ -46,6 +46,12 @@ def free_id(taken: set[int]) -> int:
     return after if after <= LARGEST_ID else next(number for number in itertools.count(1) if number not in taken)
 
 
+def taken_ids(root: Element, scenario: Scenario) -> set[int]:
+    """Ids that no new element of a document may have: those in it, and those of the scenario's traffic."""
+    own = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
+    return own | {*scenario.obstacles.ids.tolist(), *(problem.id for problem in scenario.planning_problems)}
+
+
 def network_document(scenario: Scenario) -> Element:
     """Lanelets, stop lines, signs, lights and intersections of a scenario, below a root element.
 
@@ -59,8 +65,7 @@ def network_document(scenario: Scenario) -> Element:
     for light in scenario.traffic_lights:
         _add_light(root, light)
     _add_intersections(root, scenario)
-    taken = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
-    taken |= {*scenario.obstacles.ids.tolist(), *(problem.id for problem in scenario.planning_problems)}
+    taken = taken_ids(root, scenario)
     limits = zip(scenario.lanelets.ids.tolist(), scenario.lanelets.speed_limit.tolist(), strict=True)
     add_speed_signs(root, {number: limit for number, limit in limits if np.isfinite(limit)}, taken)
     _add_signs_of_control(root, scenario, lanelets, taken)
@@ -150,9 +155,7 @@ def _add_intersections(root: Element, scenario: Scenario) -> None:
     if not crossed:
         return
     if not intersections:
-        taken = {int(element.get("id", "0")) for element in root}
-        taken |= {*scenario.obstacles.ids.tolist(), *(problem.id for problem in scenario.planning_problems)}
-        SubElement(root, "intersection", id=str(free_id(taken)))
+        SubElement(root, "intersection", id=str(free_id(taken_ids(root, scenario))))
     first = root.find("intersection")
     if first is not None:
         crossing = SubElement(first, "crossing")
@@ -201,16 +204,14 @@ def _add_signs_of_control(root: Element, scenario: Scenario, lanelets: dict[int,
         _add_sign(root, [lanelets[number]], sign, taken, at_line=True)
 
 
-def add_speed_signs(root: Element, limits: dict[int, float], taken: set[int] | None = None) -> None:
+def add_speed_signs(root: Element, limits: dict[int, float], taken: set[int]) -> None:
     """Adds a sign per limit [m/s]. 274 is Germany's number, which commonroad-io accepts for any country.
 
     Args:
         root: The document.
         limits: Limits by lanelet.
-        taken: Ids that no sign may have, with those of the document, which is all by default; new ones are added.
+        taken: Ids that no sign may have (`taken_ids`); new ones are added.
     """
-    if taken is None:
-        taken = {int(element.get("id", "0")) for element in root.iter() if element.get("id")}
     lanelets = {int(lanelet.get("id", "0")): lanelet for lanelet in root.iterfind("lanelet")}
     for limit in sorted(set(limits.values())):
         owners = [lanelets[number] for number in sorted(limits) if limits[number] == limit]

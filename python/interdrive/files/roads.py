@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, fromstring, tostring
 from interdrive.errors import InputError
 from interdrive.files import document
 from interdrive.files.content import content_of_file
-from interdrive.files.network import add_speed_signs, network_document
+from interdrive.files.network import add_speed_signs, network_document, taken_ids
 from interdrive.files.protobuf import PROTOBUF_ENDINGS, open_protobuf
 from interdrive.files.read import quiet, read_scenario
 
@@ -64,7 +64,7 @@ def road_elements(scenario: Scenario) -> tuple[Header, list[str], set[int]]:
     if root is None:
         root = network_document(scenario)
     elif root.get("commonRoadVersion") == "2018b":
-        _modernise(root)
+        _modernise(root, taken_ids(root, scenario))
     _set_cycles(root, scenario)
     elements = [element for tag in ROAD_TAGS for element in root.iterfind(tag)]
     ids = {int(element.get("id", "0")) for element in elements}
@@ -173,8 +173,8 @@ def _xml_from_protobuf(path: Path, data: bytes) -> bytes:
         return target.read_bytes()
 
 
-def _modernise(root: Element) -> None:
-    """Converts lanelets of 2018b to 2020a: limits become signs, and every lanelet has a type."""
+def _modernise(root: Element, taken: set[int]) -> None:
+    """Converts lanelets of 2018b to 2020a: limits become signs (whose ids are not `taken`), each lanelet has a type."""
     limits = {}
     for lanelet in root.iterfind("lanelet"):
         limit = lanelet.find("speedLimit")
@@ -183,4 +183,4 @@ def _modernise(root: Element) -> None:
             limits[int(lanelet.get("id", "0"))] = float(limit.text or "nan")
         if lanelet.find("laneletType") is None:
             SubElement(lanelet, "laneletType").text = "unknown"
-    add_speed_signs(root, limits)
+    add_speed_signs(root, limits, taken)
