@@ -57,8 +57,9 @@ for _ in range({RECORDED_STEPS}):
 #: A path may need so many instructions more than another one. Agents drive alike in these two; with requests they
 #: drive otherwise, so what these cost shows in the count of `step_v2x` alone.
 EXTRAS = {("step_messages", "step"): 650_000}
-#: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %.
-TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.03, 0.15
+#: Counts may be larger by this share; idle threads and the order of memory make a difference of about 0.1 %, and what
+#: the compiler puts into its callers up to 3 %, which a change elsewhere can turn around.
+TOLERANCE, TOLERANCE_OTHER_RUSTC = 0.05, 0.15
 
 
 def built() -> Path:
