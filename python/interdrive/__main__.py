@@ -7,7 +7,6 @@ up.
 from __future__ import annotations
 
 import atexit
-import gc
 import os
 import signal
 import sys
@@ -22,9 +21,6 @@ REFUSED, INTERRUPTED, BUG, OUT_OF_MEMORY = 2, 130, 70, 71
 #: If this environment variable is set, the traceback of a bug is printed.
 TRACEBACK = "INTERDRIVE_TRACEBACK"
 
-#: Python looks for garbage after so many new objects: its default, 700, takes a tenth of a run, mostly during imports.
-_NEW_OBJECTS = 20_000
-
 
 def start() -> NoReturn:
     """Runs the command line and exits; `interdrive.cli` lists the exit codes."""
@@ -36,7 +32,6 @@ def start() -> NoReturn:
     os.environ.pop("SOURCE_DATE_EPOCH", None)
     # Threads of numpy's BLAS wait busily, and how they share a product decides its last bits.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(_NEW_OBJECTS, 20, 50)
     code: int | str | None = 0
     try:
         from interdrive.cli import main  # noqa: PLC0415 - Ctrl-C is one line from here on
