@@ -59,7 +59,8 @@ class Simulated:
 @pytest.fixture
 def simulated(monkeypatch):
     stand_in = Simulated()
-    monkeypatch.setattr(simulation, "Simulation", stand_in)
+    for module in ("interdrive.simulation", "interdrive.simulation.simulation"):
+        monkeypatch.setattr(f"{module}.Simulation", stand_in)
     monkeypatch.setattr(files, "run_document", lambda run: b"<commonRoad/>")
     return stand_in
 

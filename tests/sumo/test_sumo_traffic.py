@@ -256,7 +256,7 @@ def test_a_run_says_in_one_line_that_sumo_has_ended(crossing):
 def test_no_process_is_left_when_the_run_is_killed(crossing, tmp_path):
     code = (
         f"import interdrive as idr\ns = idr.Simulation({str(crossing)!r}, threads=1)\n"
-        "print(s._sumo._process._child.pid, flush=True)\nwhile True: s.step()"
+        "print(s.progress.sumo._process._child.pid, flush=True)\nwhile True: s.step()"
     )
     run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     child = Path(f"/proc/{int(run.stdout.readline())}/status")
@@ -380,7 +380,7 @@ def test_who_is_in_the_way_of_an_agent_that_enters_leaves_for_good(crossing):
     add(crossing, '<person id="p" depart="0"><walk edges="center_east" departPos="80"/></person>')
     first = Simulation(crossing, threads=1)
     first.step()
-    x, y, *_ = first._sumo._there["person", "p"]
+    x, y, *_ = first.progress.sumo._there["person", "p"]
     scenario = idr.read_source(crossing)
     problem = scenario.planning_problems[0]
     start = replace(problem.initial_state, x=x, y=y, velocity=0.0)
