@@ -13,6 +13,7 @@ from causes import Delay, held_up_by
 from comfort import UNKNOWN, extremes
 from events import events
 from free_way import free
+from lane_changes import Lanes, lane_changes, shown_lane_changes, written
 from pace import paces
 from places import category_of
 from realism import Samples, samples_of
@@ -63,6 +64,7 @@ class Drive:
         stood_free: Longest time for which it stood with a free way, see free_way.py [s]; 0 up to 10 s of standing.
         violations: Rules of the road that it broke. broken: Their names, each once.
         recorded_violations: The same of its recording.
+        changes: Its lane changes, see lane_changes.py. recorded_changes: The same of its recording, without blinkers.
         event: What it failed in, see events.py: the smallest id of the agents in it; -1 if it did not fail.
     """
 
@@ -100,6 +102,8 @@ class Drive:
     violations: int
     broken: str
     recorded_violations: int
+    changes: str
+    recorded_changes: str
     event: int
 
 
@@ -149,8 +153,9 @@ def drive(
         events(run, routes, delays, {*lost, *(agent for agent in ends if ends[agent] == "collision")}),
         held_up_by(simulation, delays, lost) if lost and with_causes else {},
     )
+    lanes = Lanes(simulation.road, run.scenario.lanelets)
     drives = tuple(
-        _row(run, i, path, place, agent.id in known, delays[agent.id], failures, simulation)
+        _row(run, i, path, place, agent.id in known, delays[agent.id], failures, simulation, lanes)
         for i, agent in enumerate(run.agents)
     )
     samples = tuple(samples_of(run, i, routes[i], category_of(path)) for i in range(len(run.agents)))
@@ -190,6 +195,7 @@ def _row(
     delay: Delay,
     failures: Failures,
     simulation: Simulation,
+    lanes: Lanes,
 ) -> Drive:
     agent, ended, states, dt = run.agents[i], run.outcomes, run.states, run.scenario.dt
     outcome, step = ended.outcome[i], int(ended.time_step[i])
@@ -203,6 +209,10 @@ def _row(
     smooth = extremes(states, row, dt)
     human = extremes(run.scenario.obstacles, int(recording[0]), dt) if len(recording) else UNKNOWN
     pace, recorded_pace = paces(run, i, route, simulation.road)
+    changes = shown_lane_changes(states, row, run.plans, lanes, dt)
+    recorded_changes = [
+        change for i in recording[:1].tolist() for change, _ in lane_changes(run.scenario.obstacles, i, lanes, dt)
+    ]
     broken = _broken(run, agent.id, "agent")
     return Drive(
         category=category_of(path),
@@ -239,6 +249,8 @@ def _row(
         violations=len(broken),
         broken=" ".join(sorted(set(broken))),
         recorded_violations=len(_broken(run, agent.id, "recording")),
+        changes=written(changes),
+        recorded_changes=written(recorded_changes),
         event=failures.events.get(agent.id, -1),
     )
 

@@ -342,6 +342,8 @@ export const TRAFFIC = "#b4b4b4";
 
 export const STATIC = "#6f6f6f";
 
+export const BLINKER = "#FFB000";
+
 export const EVENT_KINDS = [
   "emergency_braking",
   "infeasible_plan",

@@ -108,6 +108,8 @@ export class Detail {
       const cost = run.table("plan_cost")[plan];
       parts.push(`plan: ${status.replace("_", " ")}${Number.isFinite(cost) ? `, cost ${text(cost, 3)}` : ""}`);
     }
+    const side = run.turn(state.selected, state.step);
+    if (Math.abs(side) === 1) parts.push(`shows ${side > 0 ? "left" : "right"}`);
     const seen = p.agent >= 0 ? run.seen(state.selected, state.step) : undefined;
     if (seen !== undefined) parts.push(`sees ${seen.size}`);
     const links = run.links(state.selected, state.step);

@@ -154,6 +154,12 @@ export class Run {
     return NONE;
   }
 
+  /** What an agent shows by its blinkers: 1 left, -1 right, 0 straight on at a fork; NaN for nothing. */
+  turn(row: number, step: number): number {
+    const plan = this.has("plan_turn") ? this.plan(row, step) : -1;
+    return plan < 0 ? Number.NaN : this.table("plan_turn")[plan];
+  }
+
   /** When an agent made the plan that it follows: the same step, or before it if it does not plan at every one. */
   madeAt(row: number, step: number): number {
     const plan = this.has("plan_made") ? this.plan(row, step) : -1;

@@ -2,7 +2,7 @@
 
 import type { Camera } from "./camera";
 import { agentColor, costColor, PALETTES } from "./colors";
-import { SIGNAL_COLORS } from "./contract";
+import { BLINKER, SIGNAL_COLORS } from "./contract";
 import { drawMark } from "./marks";
 import type { Pose, Run } from "./run";
 import type { State } from "./state";
@@ -137,6 +137,7 @@ export class Traffic {
         ctx.fillStyle = colors.nose;
         ctx.fill(this.noses[row]);
       }
+      this.drawBlinkers(ctx, row, state);
       ctx.globalAlpha = 1;
       if (row === state.selected) {
         ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -147,6 +148,16 @@ export class Traffic {
         ctx.stroke();
       }
     }
+  }
+
+  /** The blinkers at both corners of the side that an agent shows. */
+  private drawBlinkers(ctx: CanvasRenderingContext2D, row: number, state: State): void {
+    const side = this.run.turn(row, state.step);
+    if (Math.abs(side) !== 1) return;
+    const { length, width } = this.run.header.participants[row];
+    ctx.fillStyle = BLINKER;
+    // They stand out beyond the body, so that they are seen from afar.
+    for (const end of [-0.5, 0.35]) ctx.fillRect(end * length, (side > 0 ? 0.25 : -0.7) * width, 0.15 * length, 0.45 * width);
   }
 
   private rank(row: number, state: State): number {

@@ -708,8 +708,9 @@ class RulesSettings:
             crossed and no vehicle is oncoming; planner `rollout` only.
         trust_others: Rely on vehicles that do not obey to give way at junctions where they should, even if they
             would have to brake hard.
-        blinkers: Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this
-            way, with less spread along bends.
+        blinkers: Show lane changes by blinkers, and which way the agent takes at a fork, with any planner.
+            `rollout` shows a change for 3 s before it begins. Predictions take the way at a fork, with less spread
+            along bends.
         speed_factor: Factor applied to posted speed limits. Positive and at most 3.
         stop_duration: Standing time at a stop sign, and before turning right on red. Between 0 and 60.
         lead: Least time between leaving a conflict zone and the next vehicle's arrival. Between 0 and 60.

@@ -19,6 +19,8 @@ from interdrive.testing.worlds import Car, problem, straight_road, world
 
 LENGTH = 4.5
 SPEED = 15.0
+#: A change is shown for so long before it begins [s].
+SHOWN = 3.0
 #: People take 1 to 13 s for a whole change of lanes (Toledo and Zohar 2007); half of it takes less than this [s].
 HALF_OVER = 5.0
 
@@ -116,14 +118,69 @@ def row(first, gap, n, velocity=SPEED, y=3.5):
     return [Car(100 + i, first - i * (LENGTH + gap), y, velocity) for i in range(n)]
 
 
-def test_an_agent_alone_changes_at_once_and_gently():
+def test_an_agent_alone_changes_gently_as_soon_as_it_has_shown_it():
     drive = Drive(two_lanes())
     dt = drive.run.scenario.dt
     assert drive.outcome == "goal_reached"
-    assert drive.crossing * dt < HALF_OVER, "s until it is half over"
+    assert drive.crossing * dt < SHOWN + HALF_OVER, "s until it is half over"
+    assert np.abs(drive.y[: round(SHOWN / dt) + 1]).max() < 0.01, "m aside while it only shows it"
     lateral = np.abs(np.diff(drive.y, 2)) / dt**2
     assert lateral[2:].max() < 3.0, "m/s² across"
     assert abs(drive.y[-1] - 3.5) < 0.1, "m from the middle of lane 2"
+
+
+def turns(run, agent=1):
+    """What the agent shows at each step: 1 left, -1 right, nan nothing."""
+    return run.plans.turn[run.plans.agent_id == agent]
+
+
+def test_it_shows_the_change_from_3_s_before_until_it_is_in_the_new_lane():
+    drive = Drive(two_lanes())
+    shown = turns(drive.run) == 1.0
+    last = int(np.flatnonzero(shown)[-1])
+    assert shown[: last + 1].all(), "without a break"
+    assert np.isnan(turns(drive.run)[last + 1 :]).all()
+    assert drive.y[last + 1] == pytest.approx(3.5, abs=0.5), "m: in the middle of lane 2"
+
+
+def test_a_change_to_the_right_is_shown_on_the_right():
+    agent = problem(1, 50.0, 3.5, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(world(straight_road(600.0, lanes=2), problems=[agent], steps=500), agents=[1], threads=1)
+    assert set(turns(run)[:40].tolist()) == {-1.0}
+
+
+def test_where_its_lane_ends_soon_it_does_not_wait_to_have_shown_it():
+    drive = Drive(two_lanes(first_ends=110.0))
+    assert drive.outcome == "goal_reached"
+    assert drive.crossing * drive.run.scenario.dt < 0.5 + HALF_OVER, "s until it is half over"
+    assert turns(drive.run)[0] == 1.0
+
+
+def test_without_blinkers_it_shows_nothing_and_waits_for_nothing():
+    run = idr.simulate(two_lanes(), agents=[1], threads=1, settings={"rules.blinkers": False})
+    assert int(np.argmax(run.states.y[0] > 1.75)) * run.scenario.dt < HALF_OVER, "s until it is half over"
+    assert np.isnan(turns(run)).all()
+
+
+def test_an_agent_in_the_middle_of_its_lane_shows_nothing():
+    agent = problem(1, 50.0, 0.6, SPEED, goal=(560.0, 0.0), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(world(straight_road(600.0, lanes=2), problems=[agent], steps=500), agents=[1], threads=1)
+    assert np.isnan(turns(run)).all()
+
+
+def test_an_agent_along_a_path_shows_its_lane_change_as_before_a_fork():
+    run = idr.simulate(two_lanes(), agents=[1], planner="idm", threads=1)
+    over = int(np.argmax(run.states.y[0] > 1.75))
+    shown = turns(run) == 1.0
+    assert shown[over - 40 : over].all(), "4 s before it is half over"
+    assert not shown[over + 20 :].any(), "2 s behind"
+
+
+def test_an_agent_of_mobil_shows_a_change_while_it_makes_it():
+    run = idr.simulate(two_lanes(), agents=[1], planner="idm_mobil", threads=1)
+    shown, y = turns(run) == 1.0, run.states.y[0, : len(turns(run))]
+    assert shown[(y > 0.5) & (y < 3.0)].all()
+    assert not shown[y > 3.4].any()
 
 
 def test_beside_a_car_of_the_same_speed_it_falls_back_or_goes_ahead_before_it_changes():
@@ -274,7 +331,7 @@ def test_where_lanelets_follow_each_other_it_changes_as_early_as_on_long_ones():
     run = idr.simulate(world(pieces, problems=[agent], steps=500), agents=[1], threads=1)
     over = int(np.argmax(run.states.y[0] > 1.75))
     assert run.outcomes.outcome == ("goal_reached",)
-    assert over * run.scenario.dt < HALF_OVER, "s until it is half over"
+    assert over * run.scenario.dt < SHOWN + HALF_OVER, "s until it is half over"
 
 
 def test_two_changes_follow_each_other():

@@ -266,3 +266,47 @@ def test_a_file_shows_the_place_of_the_split_or_the_map_that_its_name_states(par
 @pytest.mark.parametrize(("folder", "category"), [("urban", "urban"), ("all", "files")])
 def test_files_of_a_folder_called_all_are_not_counted_twice(part, folder, category):
     assert part("places").category_of(Path(folder) / "USA_US101-1_1_T-1.xml") == category
+
+
+def aside(part, begin, seconds, side=1.0):
+    """States of a car at 15 m/s that crosses from one of two lanes to the other at a constant speed, and the lanes."""
+    start = 0.0 if side > 0.0 else 3.5
+    scenario = world(straight_road(400.0, lanes=2), cars=[Car(1, 20.0, start, velocity=15.0)])
+    run = Simulation(scenario, planner="recorded").run()
+    time = DT * np.arange(run.states.n_steps)
+    y = start + side * np.clip((time - begin) / seconds, 0.0, 1.0) * 3.5
+    lanes = part("lane_changes").Lanes(Simulation(scenario).road, scenario.lanelets)
+    return replace(run, states=replace(run.states, y=y[None, :])), lanes
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("seconds", [2.0, 3.5, 5.0])
+def test_a_lane_change_lasts_while_the_vehicle_moves_aside(part, side, seconds):
+    run, lanes = aside(part, 2.0, seconds, side)
+    [(change, found)] = part("lane_changes").lane_changes(run.states, 0, lanes, DT)
+    assert found == side
+    assert change.seconds == pytest.approx(seconds, abs=0.5), "s, smoothed over 0.5 s"
+    assert change.begin * DT == pytest.approx(2.0, abs=0.3)
+
+
+def test_a_lane_change_that_the_drive_shows_in_part_is_left_out(part):
+    run, lanes = aside(part, -1.0, 4.0)
+    assert part("lane_changes").lane_changes(run.states, 0, lanes, DT) == []
+
+
+@pytest.mark.parametrize(("since", "turn", "shown"), [(0, 1.0, 2.0), (10, 1.0, 1.0), (0, -1.0, 0.0), (30, 1.0, 0.0)])
+def test_a_change_was_shown_from_when_its_side_blinks_without_a_break(part, since, turn, shown):
+    run, lanes = aside(part, 2.0, 3.5)
+    turns = np.where(np.arange(len(run.plans.turn)) >= since, turn, np.nan)
+    plans = replace(run.plans, turn=turns)
+    [change] = part("lane_changes").shown_lane_changes(run.states, 0, plans, lanes, DT)
+    assert change.shown == pytest.approx(shown, abs=0.3)
+
+
+def test_the_text_on_lane_changes_counts_those_that_were_shown_for_three_seconds(part):
+    said = part("lane_changes").said
+    assert said(["4.0/3.0 5.0/0.4", "", "6.0/3.2"]) == (
+        "3, median 5.0 s, 5 to 95 % 4.1 to 5.9 s, 2 of them shown for 3 s before"
+    )
+    assert said(["4.0", "6.0"]) == "2, median 5.0 s, 5 to 95 % 4.1 to 5.9 s"
+    assert said([]) == "0"

@@ -193,6 +193,7 @@ def plans(recorded, points=31):
         rejection=tuple("collision with 24" if code == 2 else "" for code in status.tolist()),
         **{name: np.where(status == 2, 3.5, np.nan) for name in ("rejection_x", "rejection_y")},
         rejection_overhang=np.full(len(status), np.nan),
+        turn=np.full(len(status), np.nan),
     )
 
 

@@ -9,7 +9,7 @@ use interdrive_core::plan::frenet::{FrenetMemory, FrenetSettings, plan};
 use interdrive_core::plan::{LaneChange, Other, PlanRequest, PredictionIndex};
 use interdrive_core::road::{LaneletInput, RoadNetwork, RoadSettings};
 use interdrive_core::route::{Route, RouteSettings, find_route};
-use interdrive_core::rules::Rules;
+use interdrive_core::rules::{Indicator, Rules};
 use interdrive_core::scenario::{Goal, GoalState};
 use interdrive_core::trajectory::{Predictions, State};
 use interdrive_core::vehicle::{ParticipantKind, Vehicle};
@@ -106,6 +106,7 @@ impl Bench {
             rules: Rules::default(),
             last_time_step: None,
             lane_change: LaneChange::default(),
+            indicator: Indicator::default(),
             line: None,
         };
         plan(black_box(&request), settings, memory).cost

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::columns::{coded, table};
+use crate::control::Turn;
 use crate::trajectory::{PlanTable, Plans, State, States};
 
 /// How an agent ended.
@@ -244,9 +245,9 @@ impl Recording {
         })
     }
 
-    /// Adds the plans that led to the next time step.
-    pub(crate) fn push_plans(&mut self, plans: &Plans) {
-        self.plans.push(plans);
+    /// Adds the plans that led to the next time step, with what the agents showed by their blinkers.
+    pub(crate) fn push_plans(&mut self, plans: &Plans, turns: &[Option<Turn>]) {
+        self.plans.push(plans, turns);
     }
 
     /// Notes that an agent sees others at a time step; called in the order of time.

@@ -7,7 +7,9 @@ mod crosswalks;
 mod line_memory;
 
 pub(crate) use crate::conduct::{EARLY_ACCELERATION, travel_time};
-pub(crate) use blinkers::Turning;
+use blinkers::Change;
+pub use blinkers::Indicator;
+pub(crate) use blinkers::{SHOWN_TIME, Turning};
 pub(crate) use crosswalks::{Crosswalk, uses_crosswalks};
 pub(crate) use line_memory::LineMemory;
 use line_memory::is_near;
@@ -16,7 +18,7 @@ use crate::conduct::could_stop;
 use std::sync::LazyLock;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
-use crate::control::{Control, Signal};
+use crate::control::{Control, Signal, Turn};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 use crate::road::RoadNetwork;
@@ -63,8 +65,8 @@ settings! {
         /// Rely on vehicles that do not obey to give way at junctions where they should, even if they would have to
         /// brake hard.
         trust_others: bool = false;
-        /// Show by blinkers which way the agent takes at a fork, with any planner. Predictions then take this way, with
-        /// less spread along bends.
+        /// Show lane changes by blinkers, and which way the agent takes at a fork, with any planner. `rollout` shows a
+        /// change for 3 s before it begins. Predictions take the way at a fork, with less spread along bends.
         blinkers: bool = true;
         /// Factor applied to posted speed limits.
         speed_factor: f64 = 1.0, positive(3.0);
@@ -175,6 +177,7 @@ pub(crate) struct Way {
     crossings: Vec<Crossing>,
     crosswalks: Vec<Crosswalk>,
     turnings: Vec<Turning>,
+    lane_changes: Vec<Change>,
 }
 
 impl Way {
@@ -187,6 +190,7 @@ impl Way {
         }
         if settings.enabled && settings.blinkers {
             way.turnings = Turning::along(pieces, &scenario.control, &scenario.road);
+            way.lane_changes = Change::along(pieces, &scenario.road);
         }
         way
     }
@@ -241,6 +245,11 @@ impl Way {
         Turning::shown(&self.turnings, front, rear, velocity)
     }
 
+    /// The side of the lane change of the path that it shows.
+    pub fn lane_change(&self, front: f64, rear: f64, velocity: f64) -> Option<Turn> {
+        self.lane_changes.iter().find(|change| change.is_shown(front, rear, velocity)).map(|change| change.side)
+    }
+
     /// Arc lengths of the stop lines on the path [m], ascending, and their positions in `Control::lines`.
     pub fn lines(&self) -> impl Iterator<Item = (f64, usize)> {
         self.crossings.iter().map(|crossing| (crossing.s, crossing.line))
@@ -293,6 +302,7 @@ static NO_WAY: Way = Way {
     crossings: Vec::new(),
     crosswalks: Vec::new(),
     turnings: Vec::new(),
+    lane_changes: Vec::new(),
 };
 static NO_SETTINGS: RulesSettings = RulesSettings {
     enabled: false,

@@ -63,7 +63,7 @@ pub fn of_each<T>(shown: &[Shown<'_>], row: impl Fn(usize) -> T, told: impl Fn(&
 }
 
 /// A turn as a number: 1 to the left, 0 straight on, -1 to the right, nan: unknown.
-fn side(turn: Option<Turn>) -> f64 {
+pub fn side(turn: Option<Turn>) -> f64 {
     match turn {
         Some(Turn::Left) => 1.0,
         Some(Turn::Straight) => 0.0,
@@ -128,8 +128,8 @@ macro_rules! participants_seen {
             /// Changes of heading [rad/s], shape (participants, history); nan where absent.
             yaw_rate: Grid<'py> = |this, py|
                 past(py, &this.scene, &this.shown(), &this.scene.past.yaw_rate, (|s| s.yaw_rate, f64::NAN));
-            /// Turn at the next fork that a participant shows by its blinkers, shape (participants,): 1 left, 0 straight on,
-            /// -1 right, nan where it shows none.
+            /// Lane change, or turn at the next fork, that a participant shows by its blinkers, shape (participants,): 1 left,
+            /// 0 straight on, -1 right, nan where it shows none.
             turn: Row<'py, f64> = |this, py|
                 arrays::row(py, of_each(&this.shown(), |row| shown_turn(&this.scene, row), |_| f64::NAN));
             /// Whether a participant was present, shape (participants, history).

@@ -26,7 +26,7 @@ use crate::predictor::PyPredictor;
 use crate::reference_drivers::driver;
 use crate::route::{PyGoal, PyRoute};
 use crate::scenario::{PyScenario, PyShape};
-use crate::scene::{PyScene, Told, turn_of};
+use crate::scene::{PyScene, Told, side, turn_of};
 use crate::settings::read;
 use crate::step::{PyForecast, PyStep, nanoseconds as clock_nanoseconds, now};
 use crate::vehicle::PyVehicle;
@@ -456,6 +456,7 @@ pub fn plans_dict<'py>(py: Python<'py>, plans: PlanTable) -> PyResult<Bound<'py,
     dict.set_item("agent_id", arrays::row(py, plans.agent_id))?;
     dict.set_item("status", arrays::row(py, plans.status.iter().map(|status| *status as i64).collect()))?;
     dict.set_item("cost", arrays::row(py, plans.cost))?;
+    dict.set_item("turn", arrays::row(py, plans.turn.into_iter().map(side).collect()))?;
     let mut obstructions: Vec<Option<&Obstruction>> = vec![None; shape[0]];
     plans.obstructions.iter().for_each(|(row, obstruction)| obstructions[*row] = Some(obstruction));
     let words: Vec<&str> = obstructions.iter().map(|o| o.map_or("", |o| o.rejection.as_str())).collect();

@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from interdrive.plots.road import road_artists
 from interdrive.plots.style import (
+    BLINKER,
     INK,
     OUTCOME_MARKS,
     RECORDED_EDGE,
@@ -53,12 +54,13 @@ class _Layers:
     plans: Any = field(default_factory=lambda: LineCollection([], linewidths=1.8, capstyle="round", alpha=0.9))
     bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
     noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
+    blinkers: Any = field(default_factory=lambda: PolyCollection([], facecolors=BLINKER, edgecolors=INK, linewidths=0.4))
     wrecks: Any = field(
         default_factory=lambda: PolyCollection([], facecolors="none", edgecolors=_WRECK, linewidths=0.9)
     )
 
     def __iter__(self) -> Iterator[Any]:
-        return iter((self.plans, self.wrecks, self.bodies, self.noses))
+        return iter((self.plans, self.wrecks, self.bodies, self.noses, self.blinkers))
 
 
 class Stage:
@@ -123,7 +125,8 @@ class Stage:
     def _fill(self, column: int) -> list[tuple[Floats, str, str, str]]:
         """Fills all layers; returns what is to be written: place in the picture [m], text, colour, marker."""
         states, now = self.run.states, self.run.states.first_time_step + column
-        areas, fills, edges, noses, labels = [], [], [], [], []
+        areas, fills, edges, noses, blinkers, labels = [], [], [], [], [], []
+        shown = self._shown(now)
         for row in np.flatnonzero(states.valid[:, column]).tolist():
             number = int(states.participant_id[row])
             color = self.colors.get(number)
@@ -133,13 +136,20 @@ class Stage:
                 edges.append(INK if color else RECORDED_EDGE)
             if not states.is_static[row] and states.kinds[row] != "pedestrian":
                 noses.append(self.footprints.heading_mark(row, column, self.view))
+            blinkers += self.footprints.blinker_marks(row, column, self.view, shown.get(number, 0.0))
             if not states.is_static[row]:
                 labels.append((self._beside(row, column), str(number), color or RECORDED_EDGE, ""))
         self.layers.bodies.set_verts(areas)
         self.layers.bodies.set(facecolors=fills, edgecolors=edges)
         self.layers.noses.set_verts(noses)
+        self.layers.blinkers.set_verts(blinkers)
         self._fill_plans(now)
         return labels + self._fill_ended(now)
+
+    def _shown(self, now: int) -> dict[int, float]:
+        """What agents show by their blinkers at a time step, by their ids."""
+        plans = self.run.plans
+        return {int(plans.agent_id[i]): float(plans.turn[i]) for i in self.plan_rows.get(now, ())}
 
     def _beside(self, row: int, column: int) -> Floats:
         """Where the id goes: above the footprint in the picture."""

@@ -29,6 +29,8 @@ FONT = 7.5
 INK = "#222222"
 #: Recorded traffic: lines and frames, edges of footprints, fill of footprints, fill of static obstacles.
 RECORDED, RECORDED_EDGE, TRAFFIC, STATIC = "#8c8c8c", "#5f5f5f", "#b4b4b4", "#6f6f6f"
+#: Blinkers, as their light is on the road.
+BLINKER = "#FFB000"
 GOAL, PREDICTION, THRESHOLD, GRID = "#0072B2", "#7a3b8f", "#7a7a7a", "#e3e3e3"
 
 #: Colours of agents, used in turn, on light and on dark ground. They can be told apart with every common kind of colour

@@ -40,6 +40,15 @@ def heading_mark(length: float, width: float) -> Floats:
     return np.array([(0.42 * length, 0.0), (0.08 * length, 0.34 * width), (0.08 * length, -0.34 * width)])
 
 
+def blinker_marks(length: float, width: float, turn: float) -> list[Floats]:
+    """The blinkers of a side, 1 left or -1 right, in the body frame [m]: two rectangles of shape (4, 2) at its corners.
+
+    They stand out beyond the body, so that they are seen from afar.
+    """
+    corners = np.array([(1.0, 1.4), (1.0, 0.5), (0.7, 0.5), (0.7, 1.4)]) * (0.5 * length, 0.5 * width * turn)
+    return [corners, corners * (-1.0, 1.0)]
+
+
 def placed(points: Floats, x: float, y: float, orientation: float) -> Floats:
     """Points of the body frame [m], shape (..., 2), for a body at that pose."""
     cos, sin = np.cos(orientation), np.sin(orientation)
@@ -62,6 +71,13 @@ class Footprints:
         """Its heading mark [m]."""
         mark = heading_mark(self._states.length[row], self._states.width[row])
         return view.picture_from_world(placed(mark, *self.pose(row, column)))
+
+    def blinker_marks(self, row: int, column: int, view: View, turn: float) -> list[Floats]:
+        """Its blinkers on the side that it shows [m], 1 left or -1 right; none for any other value."""
+        if abs(turn) != 1.0:
+            return []
+        marks = blinker_marks(self._states.length[row], self._states.width[row], turn)
+        return [view.picture_from_world(placed(mark, *self.pose(row, column))) for mark in marks]
 
     def pose(self, row: int, column: int) -> tuple[float, float, float]:
         """Its position [m] and heading [rad]."""

@@ -76,7 +76,7 @@ def pack_stop_lines(packer: Packer, run: RunRecord, origin: Floats) -> None:
 
 def pack_plans(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable, replan_every: int) -> None:
     """Every plan, thinned, sorted by agent and time step; when it was made, if not always at that time step."""
-    column = columns_of(table, ("time_step", "agent_id", "point", "cost", "x", "y", "velocity"))
+    column = columns_of(table, ("time_step", "agent_id", "point", "cost", "turn", "x", "y", "velocity"))
     stride = max(1, round(_PLAN_SPACING / run.scenario.dt))
     starts = np.flatnonzero(column["point"] == 0)
     row = np.cumsum(column["point"] == 0) - 1
@@ -97,6 +97,7 @@ def pack_plans(packer: Packer, run: RunRecord, origin: Floats, table: ArrowTable
         packer.add("plan_made", made - run.states.first_time_step, steps=True)
     packer.add("plan_status", status[order])
     packer.add("plan_cost", column["cost"][starts][order].astype(np.float64))
+    packer.add("plan_turn", column["turn"][starts][order].astype(np.float64))
     packer.header["plan_step"]["spacing"] = stride
     for name, shift, unit in (("x", origin[0], _METRE), ("y", origin[1], _METRE), ("velocity", 0.0, _SPEED)):
         values = np.full((len(starts), points), np.nan)

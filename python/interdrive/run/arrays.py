@@ -203,6 +203,11 @@ class Plans(Tabular):
     rejection_overhang: Floats = field(
         metadata=number("of the cheapest sample off the road beyond it", "m", null="no sample left the road")
     )
+    turn: Floats = field(
+        metadata=number(
+            "what the agent shows by its blinkers: 1 left, 0 straight on at a fork, -1 right", "1", null="nothing"
+        )
+    )
 
 
 @dataclass(frozen=True, repr=False)

@@ -8,6 +8,8 @@
 //! the speeds equal in the room that is left. The sooner the change has to be done, the smaller the gaps that suffice. A
 //! change that is under way is seen from the previous plan.
 //!
+//! It shows a change by its blinkers for 3 s before it begins, unless the change has to be done sooner.
+//!
 //! Where its lane leads elsewhere and a vehicle follows, an agent without a gap gives up its goal rather than stop in
 //! traffic.
 
@@ -20,10 +22,11 @@ use super::lanes::{AIM_DISTANCE, Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::{LaneChange, PlanRequest};
 use crate::conduct::FIRM_DECELERATION;
+use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
-use crate::rules::{Rules, RulesSettings, Way};
+use crate::rules::{Rules, RulesSettings, SHOWN_TIME, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::vehicle::Vehicle;
 
@@ -39,8 +42,8 @@ const TIME_GAP: f64 = 0.5;
 const HURRY: (f64, f64) = (4.0, 12.0);
 /// Less time than this makes a change no more urgent [s].
 const URGENT_TIME: f64 = 2.0;
-/// Where there is time, a plan aims at most this far to the side [m].
-const GENTLE_STEP: f64 = 2.0;
+/// A gentle change leads to the side at this speed: 3.5 m in 8 s [m/s].
+const GENTLE_SPEED: f64 = 0.45;
 /// An agent that has found no gap stops this far before the end of the stretch along which both lanes run [m], for each
 /// change that is missing.
 const END_MARGIN: f64 = 10.0;
@@ -162,6 +165,7 @@ impl LaneRoutes {
         let origin = beside[usize::from(offset < 0.0)]
             .filter(|(lane, s)| offset.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
             .and_then(|(lane, s)| self.in_lane(request, lane, s));
+        let side = |there: &Aim| Some(there.side());
         if let Some(origin) = origin {
             let need = lanes[origin.lane].need(origin.s);
             let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
@@ -175,8 +179,8 @@ impl LaneRoutes {
             let change = LaneChange {
                 is_accepted: is_safe,
                 is_under_way: true,
-                step: step(time),
-                urgency: urgency(time),
+                urgency: urgency(offset, time),
+                side: request.change_to(&aim, half),
                 ..LaneChange::default()
             };
             return (aim, change);
@@ -200,20 +204,21 @@ impl LaneRoutes {
         let time = (need.last_chance - front(aim.s)) / velocity.max(1.0) / need.changes as f64;
         let time_gap = time_gap(time);
         let (own, lag) = (comfort.deceleration, FIRM_DECELERATION);
-        let is_accepted = self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
+        let is_shown = time < HURRY.0 || has_shown(request, side(&there));
+        let is_accepted = is_shown && self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !gives_up && !can_stop(aim.s, &need) {
             let change = LaneChange {
                 is_accepted,
                 is_under_way: true,
-                step: step(time),
-                urgency: urgency(time),
+                urgency: urgency(there.d, time),
+                side: side(&there),
                 ..LaneChange::default()
             };
             return (there, change);
         }
         let velocity = self.seek(request, comfort, (aim, there), (follower, waiting.end));
-        (aim, LaneChange { velocity, ..waiting })
+        (aim, LaneChange { velocity, side: side(&there), ..waiting })
     }
 
     /// The agent can plan in the frame of the lane: it does not head across it, as before a turn into it.
@@ -338,20 +343,21 @@ fn shift(route: &Route, lane: &ReferencePath) -> f64 {
     found.unwrap_or(0.0)
 }
 
+/// The agent has shown a change to a side for long enough; those that show none never wait for it.
+fn has_shown(request: &PlanRequest, side: Option<Turn>) -> bool {
+    let shows = request.rules.settings.enabled && request.rules.settings.blinkers;
+    let shown = |side| request.indicator.steps(side, request.time_step) as f64 * request.dt;
+    !shows || side.is_none_or(|side| shown(side) >= SHOWN_TIME)
+}
+
 /// Time gap that is kept if the change must be done within a time [s].
 fn time_gap(time: f64) -> f64 {
     TIME_GAP * ((time - HURRY.0) / (HURRY.1 - HURRY.0)).clamp(0.0, 1.0)
 }
 
-/// How much more an offset counts if the change must be done within a time [s].
-fn urgency(time: f64) -> f64 {
-    (HURRY.1 / time.max(URGENT_TIME)).max(1.0)
-}
-
-/// How far a plan aims to the side at most if the change must be done within a time [s]; as far as it takes if that is
-/// soon [m].
-fn step(time: f64) -> f64 {
-    if time > HURRY.0 { GENTLE_STEP } else { f64::INFINITY }
+/// How much more an offset counts [m] if it must be given up within a time [s]: as much as a gentle change takes longer.
+fn urgency(offset: f64, time: f64) -> f64 {
+    (offset.abs() / GENTLE_SPEED / time.max(URGENT_TIME)).max(1.0)
 }
 
 /// The constant deceleration with which a vehicle that is faster than the one ahead by some speed [m/s] comes down to its
@@ -387,6 +393,13 @@ mod tests {
         for (time, expected) in [(20.0, 0.5), (12.0, 0.5), (8.0, 0.25), (4.0, 0.0), (-1.0, 0.0)] {
             assert!((time_gap(time) - expected).abs() < 1e-12, "{time} s");
         }
-        assert_eq!((step(5.0), step(3.0)), (2.0, f64::INFINITY));
+    }
+
+    #[test]
+    fn a_change_is_urgent_where_a_gentle_one_takes_longer_than_there_is_time() {
+        // 3.5 m take 7.8 s.
+        for (offset, time, expected) in [(3.5, 10.0, 1.0), (-3.5, 5.0, 1.556), (1.75, 5.0, 1.0), (3.5, 0.0, 3.889)] {
+            assert!((urgency(offset, time) - expected).abs() < 1e-3, "{offset} m, {time} s");
+        }
     }
 }

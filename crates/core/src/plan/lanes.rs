@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 
 use super::PlanRequest;
+use crate::control::Turn;
 use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
@@ -44,6 +45,13 @@ pub(super) struct Aim {
     pub(super) s: f64,
     /// Offset of the rear axle from its path [m], left positive.
     pub(super) d: f64,
+}
+
+impl Aim {
+    /// The side on which the lane is: an agent to the right of it has a negative offset.
+    pub(super) fn side(&self) -> Turn {
+        if self.d < 0.0 { Turn::Left } else { Turn::Right }
+    }
 }
 
 /// One lane, possibly of many lanelets.

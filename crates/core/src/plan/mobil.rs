@@ -148,7 +148,12 @@ pub(super) fn plan(
     conflicts.decide(request, &ego, deference, free);
     integrate(from, n_points, request.dt, motions, |point, s, velocity| drive(conflicts, point, s, velocity));
     match path_motion::trajectory_on_road(request, &lane.path, &start, motions, place) {
-        Some(trajectory) => PlanResult::planned(trajectory, f64::NAN),
+        Some(trajectory) => {
+            let changes = (chosen.d - aside).abs() > SETTLED_OFFSET;
+            let half = 0.5 * lane.width(start.s, request.road);
+            let lane_change = request.change_to(&chosen, half).filter(|_| changes);
+            PlanResult { lane_change, ..PlanResult::planned(trajectory, f64::NAN) }
+        }
         None => refused(request, "its lane bends too tightly where it is"),
     }
 }

@@ -46,6 +46,7 @@ pub use wavering::{PlaceInLane, Wavering};
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::conduct::STATIONARY_SPEED;
+use crate::control::Turn;
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
@@ -53,7 +54,7 @@ use crate::observation::PathTable;
 use crate::reference_drivers::Driver;
 use crate::road::RoadNetwork;
 use crate::route::Route;
-use crate::rules::{Rules, RulesSettings, Way};
+use crate::rules::{Indicator, Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
@@ -176,6 +177,8 @@ pub struct PlanRequest<'a> {
     pub last_time_step: Option<i64>,
     /// What a lane change asks of it.
     pub lane_change: LaneChange,
+    /// The lane change that it has shown by its blinkers, and since when.
+    pub indicator: Indicator,
     /// The line that it takes within its lane; `None`: the path.
     pub line: Option<&'a driving_line::DrivingLine>,
 }
@@ -187,21 +190,20 @@ pub struct LaneChange {
     pub is_accepted: bool,
     /// It changes lanes, in any gap: no vehicle beside it has to yield.
     pub is_under_way: bool,
-    /// A plan aims at most this far to the side [m].
-    pub step: f64,
     /// Desired speed that brings it beside a gap [m/s].
     pub velocity: Option<f64>,
     /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
     pub end: f64,
     /// How much more an offset from the lane counts, the sooner the change has to be done.
     pub urgency: f64,
+    /// The side to which it changes, or wants to.
+    pub side: Option<Turn>,
 }
 
 impl Default for LaneChange {
     /// There is none.
     fn default() -> Self {
-        let never = f64::INFINITY;
-        Self { is_accepted: false, is_under_way: false, step: never, velocity: None, end: never, urgency: 1.0 }
+        Self { is_accepted: false, is_under_way: false, velocity: None, end: f64::INFINITY, urgency: 1.0, side: None }
     }
 }
 
@@ -215,6 +217,12 @@ impl PlanRequest<'_> {
     /// Curvature of the line that the agent takes, or of the path, at an arc length [1/m].
     fn line_curvature_at(&self, s: f64) -> f64 {
         self.line.map_or_else(|| self.route.path.curvature_at(s), |line| line.curvature_at(s))
+    }
+
+    /// The side of a change to a lane with half a width [m] that is under way: from when the agent is mostly outside of the
+    /// lane, or shows it, until it has settled there.
+    fn change_to(&self, aim: &lanes::Aim, half: f64) -> Option<Turn> {
+        Some(aim.side()).filter(|side| aim.d.abs() > half || self.indicator.side() == Some(*side))
     }
 
     /// All barriers of a way, if the rear axle is at an arc length [m].
@@ -240,12 +248,15 @@ pub struct PlanResult {
     pub message: String,
     /// Why there is no ordinary plan; `None` if there is one.
     pub obstruction: Option<Obstruction>,
+    /// The side to which an agent that chooses its lanes changes, or wants to.
+    pub lane_change: Option<Turn>,
 }
 
 impl PlanResult {
     /// An ordinary plan; its cost is NaN if none was computed.
     pub(crate) fn planned(trajectory: Trajectory, cost: f64) -> Self {
-        Self { trajectory, status: PlanStatus::Planned, cost, message: String::new(), obstruction: None }
+        let (message, obstruction, lane_change) = (String::new(), None, None);
+        Self { trajectory, status: PlanStatus::Planned, cost, message, obstruction, lane_change }
     }
 
     /// Emergency braking.
@@ -324,6 +335,11 @@ impl Prepared {
             Self::LaneRoutes(lanes) => lanes.way_below(rear_axle),
             _ => None,
         }
+    }
+
+    /// The agent chooses its lanes, whatever its reference path does.
+    pub(crate) fn chooses_lanes(&self) -> bool {
+        matches!(self, Self::Lanes(_) | Self::LaneRoutes(_))
     }
 
     /// The request in the frame of the lane in which the agent drives.
@@ -419,7 +435,8 @@ pub fn plan(
             let aimed = prepared.aim(request, &settings.comfort);
             let found = rollout::plan(&aimed, settings, &mut memory.rollout);
             memory.effort = memory.rollout.effort();
-            found.unwrap_or_else(|| refused(request, "the agent is not beside its path"))
+            let found = found.unwrap_or_else(|| refused(request, "the agent is not beside its path"));
+            PlanResult { lane_change: aimed.lane_change.side, ..found }
         }
         (Planner::Recorded, Prepared::RecordedPath(recorded_path)) => recorded::plan(request, recorded_path, memory),
         (Planner::VelocityAdjusting(settings), Prepared::RecordedPath(recorded_path)) => {

@@ -1,4 +1,4 @@
-//! The turns that agents show before forks of the road.
+//! What agents show by their blinkers: turns at forks of the road, and lane changes.
 
 use crate::control::{Control, Turn};
 use crate::road::RoadNetwork;
@@ -6,9 +6,12 @@ use crate::route::PathPiece;
 
 /// An agent shows its turn from this distance to the fork on [m], or from so long before it at its present speed [s].
 const SHOWN_BEFORE: f64 = 30.0;
-const SHOWN_TIME: f64 = 3.0;
+/// ... A lane change is shown as long before it begins.
+pub(crate) const SHOWN_TIME: f64 = 3.0;
 /// ... until its rear has left the lanelet behind the fork, or is so far behind it [m].
 const SHOWN_BEHIND: f64 = 50.0;
+/// A path begins a lane change so long before it is between both lanes [s].
+const CHANGE_HALF: f64 = 2.0;
 
 /// What an agent does at a fork on its way.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,6 +83,58 @@ fn turn(before: usize, lanelet: usize, control: &Control, road: &RoadNetwork) ->
     }
     let aside = road.lanelets()[straightest].center.project(center.at(center.length())).d;
     if aside > 0.0 { Turn::Left } else { Turn::Right }
+}
+
+/// A lane change of a path.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Change {
+    pub side: Turn,
+    /// Arc length at which the path is between both lanes [m].
+    at: f64,
+}
+
+impl Change {
+    /// Those of a path, by its pieces, in its order.
+    pub(super) fn along(pieces: &[PathPiece], road: &RoadNetwork) -> Vec<Self> {
+        let change = |pair: &[PathPiece]| {
+            let [before, PathPiece { lanelet, from, .. }] = pair else { return None };
+            let (left, right) =
+                (road.lanelets()[before.lanelet].adjacent_left, road.lanelets()[before.lanelet].adjacent_right);
+            let leads = |side: Option<(usize, bool)>| side.is_some_and(|(beside, _)| beside == *lanelet);
+            let side = [(left, Turn::Left), (right, Turn::Right)].into_iter().find(|(side, _)| leads(*side))?.1;
+            from.is_finite().then_some(Self { side, at: *from })
+        };
+        pieces.windows(2).filter_map(change).collect()
+    }
+
+    /// It is shown by an agent with its front and its rear at these arc lengths [m]: as before a fork, until all of it is in
+    /// the new lane.
+    pub(super) fn is_shown(&self, front: f64, rear: f64, velocity: f64) -> bool {
+        front >= self.at - SHOWN_BEFORE.max((SHOWN_TIME + CHANGE_HALF) * velocity) && rear <= self.at
+    }
+}
+
+/// The lane change that an agent shows which chooses its lanes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Indicator(Option<(Turn, i64)>);
+
+impl Indicator {
+    /// From a time step on it shows a side; nothing changes if it does so already.
+    pub(crate) fn set(&mut self, side: Option<Turn>, time_step: i64) {
+        if self.side() != side {
+            self.0 = side.map(|side| (side, time_step));
+        }
+    }
+
+    /// The side that it shows.
+    pub(crate) fn side(&self) -> Option<Turn> {
+        self.0.map(|(side, _)| side)
+    }
+
+    /// For how many time steps it has shown a side.
+    pub(crate) fn steps(&self, side: Turn, time_step: i64) -> i64 {
+        self.0.filter(|(shown, _)| *shown == side).map_or(0, |(_, since)| time_step - since)
+    }
 }
 
 #[cfg(test)]
@@ -205,5 +260,34 @@ mod tests {
         ]);
         let way = path(&[(0.0, 0.0), (50.0, 0.0), (70.0, 20.0)]);
         assert_eq!(Turning::along(&PathPiece::chain(&way, &[0, 1], &road), &Control::default(), &road), []);
+    }
+
+    #[test]
+    fn a_lane_change_of_a_path_is_shown_from_30_m_or_5_s_before_until_the_rear_is_in_the_new_lane() {
+        let side = Turn::Left;
+        let change = Change { side, at: 100.0 };
+        for (front, velocity, expected) in [
+            (69.9, 5.0, false),
+            (70.1, 5.0, true),
+            (24.9, 15.0, false),
+            (25.1, 15.0, true),
+            (104.4, 15.0, true),
+            (104.6, 15.0, false),
+        ] {
+            assert_eq!(change.is_shown(front, front - 4.5, velocity), expected, "front at {front} m, {velocity} m/s");
+        }
+    }
+
+    #[test]
+    fn an_indicator_counts_from_when_it_shows_its_side() {
+        let mut indicator = Indicator::default();
+        assert_eq!((indicator.side(), indicator.steps(Turn::Left, 3)), (None, 0));
+        indicator.set(Some(Turn::Left), 4);
+        indicator.set(Some(Turn::Left), 9);
+        assert_eq!((indicator.steps(Turn::Left, 14), indicator.steps(Turn::Right, 14)), (10, 0));
+        indicator.set(Some(Turn::Right), 15);
+        assert_eq!((indicator.side(), indicator.steps(Turn::Right, 17)), (Some(Turn::Right), 2));
+        indicator.set(None, 18);
+        assert_eq!(indicator, Indicator::default());
     }
 }

@@ -1,6 +1,7 @@
 //! The plans of a whole run, one array per field.
 
 use super::{Obstruction, PlanStatus, Plans};
+use crate::control::Turn;
 
 /// All plans of a run: one row per agent and time step, sorted by time step, then id.
 ///
@@ -16,6 +17,8 @@ pub struct PlanTable {
     pub status: Vec<PlanStatus>,
     /// Cost of the chosen trajectory; NaN if the planner has none.
     pub cost: Vec<f64>,
+    /// What the agent showed by its blinkers then.
+    pub turn: Vec<Option<Turn>>,
     /// Number of points of every row.
     pub n_points: usize,
     /// The fields of the points in the order of [`Self::FIELDS`], (rows, points) each; NaN beyond the end of a plan.
@@ -35,18 +38,19 @@ impl PlanTable {
 
     /// Becomes a table without rows; memory is reused.
     pub(crate) fn clear(&mut self) {
-        let Self { time_step, agent_id, status, cost, n_points, points, obstructions } = self;
+        let Self { time_step, agent_id, status, cost, turn, n_points, points, obstructions } = self;
         time_step.clear();
         agent_id.clear();
         status.clear();
         cost.clear();
+        turn.clear();
         *n_points = 0;
         points.iter_mut().for_each(Vec::clear);
         obstructions.clear();
     }
 
-    /// Adds the plans of a time step; all rows become longer if these are.
-    pub(crate) fn push(&mut self, plans: &Plans) {
+    /// Adds the plans of a time step with what the agents showed; all rows become longer if these are.
+    pub(crate) fn push(&mut self, plans: &Plans, turns: &[Option<Turn>]) {
         if plans.n_points > self.n_points {
             self.widen(plans.n_points);
         }
@@ -55,6 +59,7 @@ impl PlanTable {
         self.agent_id.extend(&plans.ids);
         self.status.extend(&plans.status);
         self.cost.extend(&plans.cost);
+        self.turn.extend_from_slice(turns);
         for row in 0..plans.ids.len() {
             for point in plans.row_points(row) {
                 let values = [point.x, point.y, point.orientation, point.velocity, point.acceleration];
@@ -97,9 +102,9 @@ mod tests {
     #[test]
     fn rows_follow_time_and_id_and_shorter_plans_end_with_nan() {
         let mut table = PlanTable::default();
-        table.push(&plans(3, &[1, 2], 2));
-        table.push(&plans(4, &[2], 3));
-        table.push(&plans(5, &[2], 1));
+        table.push(&plans(3, &[1, 2], 2), &[None; 2]);
+        table.push(&plans(4, &[2], 3), &[None; 1]);
+        table.push(&plans(5, &[2], 1), &[None; 1]);
         assert_eq!(table.time_step, [3, 3, 4, 5]);
         assert_eq!(table.agent_id, [1, 2, 2, 2]);
         assert_eq!((table.n_rows(), table.n_points), (4, 3));
@@ -110,14 +115,15 @@ mod tests {
     #[test]
     fn why_there_is_no_ordinary_plan_stays_with_its_row() {
         let mut table = PlanTable::default();
-        table.push(&plans(0, &[1, 2], 2));
+        table.push(&plans(0, &[1, 2], 2), &[None; 2]);
         let mut blocked = plans(1, &[1, 2], 2);
         blocked.obstructions.push((1, Obstruction::nowhere("collision with 9")));
-        table.push(&blocked);
+        table.push(&blocked, &[Some(Turn::Left), None]);
         assert_eq!(
             table.obstructions.iter().map(|(row, why)| (*row, &*why.rejection)).collect::<Vec<_>>(),
             [(3, "collision with 9")]
         );
+        assert_eq!(table.turn, [None, None, Some(Turn::Left), None]);
         table.clear();
         assert_eq!((table.n_rows(), table.obstructions.len()), (0, 0));
     }

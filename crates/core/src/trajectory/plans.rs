@@ -1,6 +1,7 @@
 //! Plans of all agents, and how they came about.
 
 use super::State;
+use crate::control::Turn;
 use crate::error::{Error, Result};
 use crate::geometry::Point;
 
@@ -72,6 +73,8 @@ pub struct Plans {
     pub message: Vec<String>,
     /// Rows without an ordinary plan, ascending, and why, where the planner says so.
     pub obstructions: Vec<(usize, Obstruction)>,
+    /// The side to which each agent that chooses its lanes changes, or wants to; `None`: to no side.
+    pub lane_change: Vec<Option<Turn>>,
     /// How long each row was planned by the core [ns]; empty unless the world has a clock.
     pub nanoseconds: Vec<u64>,
 }
@@ -89,6 +92,7 @@ impl Plans {
             cost: vec![f64::NAN; n],
             message: vec![String::new(); n],
             obstructions: Vec::new(),
+            lane_change: vec![None; n],
             nanoseconds: Vec::new(),
         }
     }
@@ -108,6 +112,8 @@ impl Plans {
         self.message.clear();
         self.message.resize(n, String::new());
         self.obstructions.clear();
+        self.lane_change.clear();
+        self.lane_change.resize(n, None);
         self.nanoseconds.clear();
     }
 

@@ -58,6 +58,7 @@ impl World {
         self.remember_crosswalks();
         self.adopt(plans);
         self.send_messages(plans, &orders);
+        let shown = if self.settings.keep_recording { self.shown_by(&plans.ids) } else { Vec::new() };
         let mut memory = std::mem::take(&mut self.step_memory);
         if !(outside.new.is_empty() && outside.states.is_empty()) {
             self.append_outside(outside);
@@ -88,7 +89,7 @@ impl World {
                 let (agent, kind, Barrier { by, s: stop, .. }) = (order.id, order.kind as u8, barrier);
                 self.recording.push_wait(Wait { agent, first, last, kind, by, stop });
             }
-            self.recording.push_plans(plans);
+            self.recording.push_plans(plans, &shown);
         }
         // The final state of an agent that ends now is recorded; from the next step on it is gone.
         self.enter(self.time_step);
@@ -129,6 +130,7 @@ impl World {
                     kept.points.clear();
                     kept.points.extend_from_slice(&plans.row_points(row)[..length]);
                     *made = time_step;
+                    self.drives[index].indicator.set(plans.lane_change[row], time_step);
                 }
                 // The rest of the plan that it follows already.
                 Ok(None) => {}

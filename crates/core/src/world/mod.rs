@@ -38,7 +38,7 @@ use crate::recording::{Outcome, OutcomeKind, Recording};
 use crate::reference_drivers;
 use crate::right_of_way::{Course, Memory, Order};
 use crate::route::Route;
-use crate::rules::{LineMemory, RulesSettings, SpeedLimits, Way};
+use crate::rules::{Indicator, LineMemory, RulesSettings, SpeedLimits, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::scene::{OBSERVED_STEPS, Participants, Scene, ViewLimits};
 use crate::trajectory::{PlanTable, Predictions, State, States, Trajectory};
@@ -145,6 +145,8 @@ struct Drive {
     has_left_path: bool,
     /// Last plan and the time step of its point 0.
     plan: Option<(Trajectory, i64)>,
+    /// The lane change that it shows, if it chooses its lanes.
+    indicator: Indicator,
     /// Where it stands, once the recording is over.
     stand: Option<standstill::Stand>,
     /// Has been fully on the road; before that, leaving it is not counted.

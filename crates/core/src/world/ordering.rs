@@ -75,13 +75,36 @@ impl World {
         drive.way.turning(front, front - drive.agent.vehicle.length, velocity)
     }
 
-    /// Writes the turns that the participants in these rows show.
+    /// What an agent shows by its blinkers: a lane change, otherwise its way at a fork.
+    fn shown(&self, drive: &Drive) -> Option<Turn> {
+        self.lane_change(drive).or_else(|| self.turning(drive).map(|turning| turning.turn))
+    }
+
+    /// The side of the lane change that an agent shows: its own, or that of its path.
+    fn lane_change(&self, drive: &Drive) -> Option<Turn> {
+        if !(drive.agent.rules.enabled && drive.agent.rules.blinkers) {
+            return None;
+        }
+        if drive.prepared.get().is_some_and(|prepared| prepared.chooses_lanes()) {
+            return drive.indicator.side();
+        }
+        let velocity = self.states[drive.row]?.velocity.max(0.0);
+        let front = drive.front();
+        drive.way.lane_change(front, front - drive.agent.vehicle.length, velocity)
+    }
+
+    /// What agents show, by their ids.
+    pub(super) fn shown_by(&self, ids: &[i64]) -> Vec<Option<Turn>> {
+        ids.iter().map(|id| self.drive_index(*id).ok().and_then(|index| self.shown(&self.drives[index]))).collect()
+    }
+
+    /// Writes what the participants in these rows show.
     pub(super) fn write_turns(&self, present: &[usize], turns: &mut Vec<Option<Turn>>) {
         turns.clear();
         turns.resize(present.len(), None);
         for drive in self.drives.iter().filter(|drive| drive.is_driving(self.time_step)) {
-            if let (Some(turning), Ok(place)) = (self.turning(drive), present.binary_search(&drive.row)) {
-                turns[place] = Some(turning.turn);
+            if let (Some(turn), Ok(place)) = (self.shown(drive), present.binary_search(&drive.row)) {
+                turns[place] = Some(turn);
             }
         }
     }

@@ -61,6 +61,7 @@ impl World {
             plans.status[row] = result.status;
             plans.cost[row] = result.cost;
             plans.message[row] = result.message;
+            plans.lane_change[row] = result.lane_change;
             plans.obstructions.extend(result.obstruction.map(|obstruction| (row, obstruction)));
         }
         Ok(())
@@ -238,6 +239,7 @@ impl World {
             rules,
             last_time_step: drive.last_time_step(&self.settings.step),
             lane_change: LaneChange::default(),
+            indicator: drive.indicator,
             line: None,
         }
     }

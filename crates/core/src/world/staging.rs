@@ -13,7 +13,7 @@ use crate::predict;
 use crate::recording::{Outcome, Recording};
 use crate::right_of_way::{Course, Memory};
 use crate::route::Route;
-use crate::rules::{LineMemory, Way};
+use crate::rules::{Indicator, LineMemory, Way};
 use crate::scenario::Scenario;
 use crate::scene::{Participants, Storeys};
 
@@ -190,6 +190,7 @@ impl World {
             has_left_path: false,
             plan: None,
             stand: None,
+            indicator: Indicator::default(),
             was_on_road: false,
             contact_fraction: f64::INFINITY,
             effort: Effort::default(),

@@ -161,20 +161,13 @@ impl<'a> Search<'a> {
 
     /// The lane first; beside its middle if something is in the way; swinging out where the road is narrow; emergencies.
     pub(super) fn run(mut self) -> Best {
-        let request = self.task.request;
-        let start = self.task.start;
         if let Some(rollout) = self.reverse_on() {
             self.recover(rollout);
             return self.end();
         }
-        let change = &request.lane_change;
-        // A change that is urgent aims at the middle of the lane.
-        let beside = start.d - request.line_at(start.s).offset;
-        let step = if change.urgency > 1.0 { f64::INFINITY } else { change.step }.min(beside.abs()).copysign(beside);
-        let middle = beside - step;
-        self.drive_beside(&[(middle, Along::Line)]);
+        self.drive_beside(&[MIDDLE]);
         if self.cost() > HELD_UP_COST {
-            let aside = ASIDE.iter().map(|aside| (middle + aside, Along::Line));
+            let aside = ASIDE.iter().map(|aside| (*aside, Along::Line));
             let around = self.obstructions.beside.iter().map(|offset| (*offset, Along::Path));
             let ways: Vec<(f64, Along)> = aside.chain(around).collect();
             self.drive_beside(&ways);

@@ -19,7 +19,7 @@ use crate::plan::{LaneChange, Other, PlanRequest, PlanResult, PredictionIndex};
 use crate::road::RoadNetwork;
 use crate::road::testing::{lane, open, straight};
 use crate::route::{PathPiece, Route};
-use crate::rules::{Rules, RulesSettings};
+use crate::rules::{Indicator, Rules, RulesSettings};
 use crate::scenario::{Goal, GoalState};
 use crate::trajectory::{Predictions, State, Trajectory};
 use crate::vehicle::{ParticipantKind, Vehicle};
@@ -214,6 +214,7 @@ impl Drive {
             }),
             last_time_step: None,
             lane_change: LaneChange::default(),
+            indicator: Indicator::default(),
             line: None,
         })
     }
