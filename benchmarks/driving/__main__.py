@@ -21,7 +21,6 @@ from pathlib import Path
 
 import tables
 from drives import Drive, Driven, ReachableCache, drive
-from lane_changes import said
 from places import halves, place_of, places, scenario_files
 from realism import Samples, distances
 
@@ -56,9 +55,7 @@ def paragraphs(drives: list[Drive], samples: list[Samples], half: dict[str, str]
         tables.shares(drives),
         f"Reachable agents: {tables.outcomes(drives)}. Agents that break a rule: {tables.violations(drives)}.",
         f"Manner of driving:\n\n{tables.manner(drives)}",
-        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}. "
-        f"Lane changes: agents {said(one.changes for one in drives)}; recorded people "
-        f"{said(one.recorded_changes for one in drives)}.",
+        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}. {tables.changes(drives)}.",
         f"By halves of the places:\n\n{tables.halves(drives, half)}",
         f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
         f"Seconds lost by cause:\n\n{tables.causes(drives)}",

@@ -79,7 +79,7 @@ class Lanes:
 
 
 def lane_changes(table: States | Obstacles, row: int, lanes: Lanes, dt: float) -> list[tuple[Change, int]]:
-    """Lane changes of one vehicle in their order, each with its side: 1 left, -1 right. Nothing is known of blinkers."""
+    """Lane changes of one vehicle in their order, without blinkers; each with its side: 1 left, -1 right."""
     there = np.flatnonzero(table.valid[row])
     span = max(1, round(SPAN / dt))
     if len(there) <= 2 * span:

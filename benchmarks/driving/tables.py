@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import measures
 import numpy as np
 from drives import LONG, Drive
+from lane_changes import said
 from measures import is_lost
 from realism import QUANTITIES
 
@@ -149,6 +150,14 @@ def slow_problems(drives: Sequence[Drive]) -> str:
     paces = [one for one in drives if one.origin != "recorded" and not np.isnan(one.pace)]
     slow = sum(map(measures.is_slow, paces))
     return f"{slow} of {len(paces)} planning problems are slower than {measures.SLOW_SHARE} of free flow"
+
+
+def changes(drives: Sequence[Drive]) -> str:
+    """How agents and their recordings change lanes."""
+    agents, people = (
+        said(cells) for cells in zip(*((one.changes, one.recorded_changes) for one in drives), strict=True)
+    )
+    return f"Lane changes: agents {agents}; recorded people {people}"
 
 
 def idle(drives: Sequence[Drive]) -> str:

@@ -56,7 +56,7 @@ def with_plans(run, n_plans, n_points=31):
     chance = np.random.default_rng(0)
     step, agent = np.divmod(np.arange(n_plans), 24)
     ways = [np.cumsum(chance.normal(size=(n_plans, n_points)), axis=1) for _ in range(5)]
-    planned, nowhere = np.ones(n_plans, dtype=np.int64), [np.full(n_plans, np.nan)] * 3
+    planned, nowhere = np.ones(n_plans, dtype=np.int64), [np.full(n_plans, np.nan)] * 4
     return replace(run, plans=Plans(step, agent, planned, np.ones(n_plans), *ways, ("",) * n_plans, *nowhere))
 
 
@@ -116,7 +116,7 @@ def test_plans_without_any_points_are_a_table_of_statuses(run):
     nothing, unknown = np.empty((2, 0)), np.full(2, np.nan)
     status = np.array([3, 0])
     plans = Plans(
-        np.array([0, 1]), np.array([1, 1]), status, unknown, *[nothing] * 5, ("off the road", ""), *[unknown] * 3
+        np.array([0, 1]), np.array([1, 1]), status, unknown, *[nothing] * 5, ("off the road", ""), *[unknown] * 4
     )
     table = plans_table(replace(run, plans=plans))
     assert table["status"].to_pylist() == ["infeasible", "none"]

@@ -54,7 +54,9 @@ class _Layers:
     plans: Any = field(default_factory=lambda: LineCollection([], linewidths=1.8, capstyle="round", alpha=0.9))
     bodies: Any = field(default_factory=lambda: PolyCollection([], linewidths=0.6))
     noses: Any = field(default_factory=lambda: PolyCollection([], facecolors=[(1, 1, 1, 0.85)], edgecolors="none"))
-    blinkers: Any = field(default_factory=lambda: PolyCollection([], facecolors=BLINKER, edgecolors=INK, linewidths=0.4))
+    blinkers: Any = field(
+        default_factory=lambda: PolyCollection([], facecolors=BLINKER, edgecolors=INK, linewidths=0.4)
+    )
     wrecks: Any = field(
         default_factory=lambda: PolyCollection([], facecolors="none", edgecolors=_WRECK, linewidths=0.9)
     )
