@@ -55,7 +55,7 @@ def paragraphs(drives: list[Drive], samples: list[Samples], half: dict[str, str]
         tables.shares(drives),
         f"Reachable agents: {tables.outcomes(drives)}. Agents that break a rule: {tables.violations(drives)}.",
         f"Manner of driving:\n\n{tables.manner(drives)}",
-        f"Agents that stand idle: {tables.idle(drives)}. {tables.slow_problems(drives)}. {tables.changes(drives)}.",
+        ". ".join((tables.idle(drives), tables.slow_problems(drives), tables.lane_changes(drives), "")).rstrip(),
         f"By halves of the places:\n\n{tables.halves(drives, half)}",
         f"Reachable agents that are not in time, by cause:\n\n{tables.failing(drives)}",
         f"Seconds lost by cause:\n\n{tables.causes(drives)}",

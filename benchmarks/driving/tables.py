@@ -152,7 +152,7 @@ def slow_problems(drives: Sequence[Drive]) -> str:
     return f"{slow} of {len(paces)} planning problems are slower than {measures.SLOW_SHARE} of free flow"
 
 
-def changes(drives: Sequence[Drive]) -> str:
+def lane_changes(drives: Sequence[Drive]) -> str:
     """How agents and their recordings change lanes."""
     agents, people = (
         said(cells) for cells in zip(*((one.changes, one.recorded_changes) for one in drives), strict=True)
@@ -167,7 +167,7 @@ def idle(drives: Sequence[Drive]) -> str:
         for one in drives
         if measures.stands_idle(one)
     ]
-    return "; ".join(rows) or "none"
+    return f"Agents that stand idle: {'; '.join(rows) or 'none'}"
 
 
 def _percent(drives: Sequence[Drive]) -> str:

@@ -9,6 +9,7 @@ pub mod conduct;
 pub mod draws;
 pub mod geometry;
 pub mod columns;
+pub mod turn;
 pub mod trajectory;
 pub mod vehicle;
 pub mod road;

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::columns::{coded, table};
-use crate::control::Turn;
 use crate::trajectory::{PlanTable, Plans, State, States};
+use crate::turn::Turn;
 
 /// How an agent ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

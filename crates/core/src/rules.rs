@@ -18,13 +18,14 @@ use crate::conduct::could_stop;
 use std::sync::LazyLock;
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
-use crate::control::{Control, Signal, Turn};
+use crate::control::{Control, Signal};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 use crate::road::RoadNetwork;
 use crate::route::PathPiece;
 use crate::scenario::Scenario;
 use crate::settings::{between, positive, settings};
+use crate::turn::Turn;
 
 /// Spacing of the grid of speed limits [m].
 const SPACING: f64 = 2.0;

@@ -11,7 +11,6 @@ pub(crate) use position_index::PositionIndex;
 
 use std::sync::Arc;
 
-use crate::control::Turn;
 use crate::error::{Error, Result};
 use crate::geometry::shape::Shape;
 use crate::geometry::{Point, Pose};
@@ -19,6 +18,7 @@ use crate::road::RoadNetwork;
 use crate::scenario::Scenario;
 use crate::settings::{between, positive, settings};
 use crate::trajectory::{State, States};
+use crate::turn::Turn;
 use crate::vehicle::ParticipantKind;
 
 /// What does not change about the participants of a world; rows sorted by id.

@@ -25,7 +25,7 @@ mod world;
 mod worlds;
 
 use interdrive_core::conduct;
-use interdrive_core::control::{self, Signal, Turn};
+use interdrive_core::control::{self, Signal};
 use interdrive_core::criticality::Measure;
 use interdrive_core::criticality::harm::ImpactArea;
 use interdrive_core::junctions::{AreaKind, Reason};
@@ -34,6 +34,7 @@ use interdrive_core::recording::OutcomeKind;
 use interdrive_core::right_of_way;
 use interdrive_core::rules;
 use interdrive_core::trajectory::PlanStatus;
+use interdrive_core::turn::Turn;
 use interdrive_core::v2x::{Service, Via};
 use interdrive_core::vehicle::{ParticipantKind, single_track};
 use pyo3::prelude::*;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use interdrive_core::control::{Control, Priorities, Signal, StopLineInput, TrafficLight, Turn};
+use interdrive_core::control::{Control, Priorities, Signal, StopLineInput, TrafficLight};
 use interdrive_core::error::Error;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::geometry::{Point, Pose};
@@ -11,6 +11,7 @@ use interdrive_core::right_of_way::meeting_width;
 use interdrive_core::road::{LaneMatch, LaneletInput, RoadNetwork, Users};
 use interdrive_core::scenario::{Obstacles, Scenario};
 use interdrive_core::trajectory::States;
+use interdrive_core::turn::Turn;
 use interdrive_core::vehicle::ParticipantKind;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn};
 use pyo3::prelude::*;

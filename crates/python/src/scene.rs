@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use interdrive_core::control::Turn;
 use interdrive_core::geometry::shape::Shape;
 use interdrive_core::predict::is_standing;
 use interdrive_core::road::RoadNetwork;
 use interdrive_core::scene::Scene;
 use interdrive_core::trajectory::State;
+use interdrive_core::turn::Turn;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 

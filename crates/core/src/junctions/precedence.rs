@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 
 use super::{Area, AreaKind, Junctions, Reason, Side};
-use crate::control::{Control, RANK_WITHOUT_SIGN, STOP_RANK, Turn};
+use crate::control::{Control, RANK_WITHOUT_SIGN, STOP_RANK};
 use crate::geometry::wrap_angle;
 use crate::road::RoadNetwork;
+use crate::turn::Turn;
 
 /// A way arrives along the chord of its last metres before the junction [m].
 const CHORD_LENGTH: f64 = 5.0;

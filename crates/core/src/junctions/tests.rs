@@ -1,9 +1,10 @@
 //! Lanes are 3.5 m wide, the strips of vehicles 2.2 m.
 
 use super::*;
-use crate::control::{Priorities, Turn};
+use crate::control::Priorities;
 use crate::road::LaneletInput;
 use crate::road::testing::{arc, crossing, fork, lane, merge, open, straight, straight_road, with_successors};
+use crate::turn::Turn;
 
 fn junctions(road: &RoadNetwork, priorities: Priorities) -> Junctions {
     Junctions::of(road, &Control { priorities, ..Control::default() })

@@ -22,12 +22,12 @@ use super::lanes::{AIM_DISTANCE, Aim, Lane, Lanes, Need, SETTLED_OFFSET};
 use super::neighbours::{Interval, Neighbours, Next, intervals};
 use super::{LaneChange, PlanRequest};
 use crate::conduct::FIRM_DECELERATION;
-use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::geometry::polyline::ReferencePath;
 use crate::route::Route;
 use crate::rules::{Rules, RulesSettings, SHOWN_TIME, Way};
 use crate::scenario::{Goal, Scenario};
+use crate::turn::Turn;
 use crate::vehicle::Vehicle;
 
 /// Once a change is under way, neither the lag vehicle nor the agent must have to brake harder than this [m/s²], otherwise the

@@ -4,7 +4,6 @@
 use std::collections::VecDeque;
 
 use super::PlanRequest;
-use crate::control::Turn;
 use crate::error::Result;
 use crate::geometry::polyline::ReferencePath;
 use crate::geometry::{Point, Pose};
@@ -12,6 +11,7 @@ use crate::road::RoadNetwork;
 use crate::route::{FOOT_WINDOW, PathPiece, Route};
 use crate::rules::{RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
+use crate::turn::Turn;
 
 /// Lanes begin at least this far before the start [m], where the road does.
 const LEAD_IN: f64 = 40.0;

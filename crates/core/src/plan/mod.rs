@@ -46,7 +46,6 @@ pub use wavering::{PlaceInLane, Wavering};
 
 use crate::barrier::{Barrier, BarrierReason, Barriers};
 use crate::conduct::STATIONARY_SPEED;
-use crate::control::Turn;
 use crate::error::Result;
 use crate::geometry::Pose;
 use crate::geometry::shape::Shape;
@@ -57,6 +56,7 @@ use crate::route::Route;
 use crate::rules::{Indicator, Rules, RulesSettings, Way};
 use crate::scenario::{Goal, Scenario};
 use crate::trajectory::{Obstruction, PlanStatus, Predictions, State, Trajectory};
+use crate::turn::Turn;
 use crate::vehicle::{ParticipantKind, Vehicle};
 use car_following::LEADER_HEADING_COSINE;
 use driving_line::{DrivingLine, LinePoint};

@@ -1,8 +1,9 @@
 //! What agents show by their blinkers: turns at forks of the road, and lane changes.
 
-use crate::control::{Control, Turn};
+use crate::control::Control;
 use crate::road::RoadNetwork;
 use crate::route::PathPiece;
+use crate::turn::Turn;
 
 /// An agent shows its turn from this distance to the fork on [m], or from so long before it at its present speed [s].
 const SHOWN_BEFORE: f64 = 30.0;

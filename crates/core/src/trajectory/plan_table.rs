@@ -1,7 +1,7 @@
 //! The plans of a whole run, one array per field.
 
 use super::{Obstruction, PlanStatus, Plans};
-use crate::control::Turn;
+use crate::turn::Turn;
 
 /// All plans of a run: one row per agent and time step, sorted by time step, then id.
 ///

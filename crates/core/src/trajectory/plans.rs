@@ -1,9 +1,9 @@
 //! Plans of all agents, and how they came about.
 
 use super::State;
-use crate::control::Turn;
 use crate::error::{Error, Result};
 use crate::geometry::Point;
+use crate::turn::Turn;
 
 /// How a plan came about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

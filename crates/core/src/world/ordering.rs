@@ -3,7 +3,6 @@
 use super::{Drive, World};
 use crate::barrier::{Barrier, BarrierReason};
 use crate::conduct::{STANDSTILL_SPEED, STATIONARY_SPEED, could_stop, reverses};
-use crate::control::Turn;
 use crate::geometry::Pose;
 use crate::plan::Planner;
 use crate::predict::{ShownWay, Waiting, narrow_in_bends, turn, wait};
@@ -14,6 +13,7 @@ use crate::rules::{RulesSettings, Turning, Way};
 use crate::scenario::Scenario;
 use crate::scene::Scene;
 use crate::trajectory::Predictions;
+use crate::turn::Turn;
 use crate::world::Agent;
 
 /// A body is on lanelets that lead its way within this angle [rad].
