@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Lanelets count that lead within this angle of the heading [rad].
 LANE_ANGLE = radians(60.0)
+#: Where lanes join or part, lanelets lie upon each other: the middle of the new lane is further away than this [m].
+JUMP = 1.5
 #: A vehicle moves aside at more than this [m/s], over this time [s]: people waver by less in their lane.
 ASIDE, SPAN = 0.15, 0.5
 
@@ -86,8 +88,9 @@ def lane_changes(table: States | Obstacles, row: int, lanes: Lanes, dt: float) -
         return []
     offset, lanelet = lanes.below(table, row, there)
     sides = np.array([lanes.side(before, after) for before, after in pairwise(lanelet)])
-    crossings = np.flatnonzero(sides)
-    steps = np.where(sides != 0, 0.0, np.nan_to_num(np.diff(offset)))
+    jump = np.nan_to_num(np.diff(offset))
+    crossings = np.flatnonzero((sides != 0) & (np.abs(jump) > JUMP))
+    steps = np.where(np.abs(jump) > JUMP, 0.0, jump)
     aside = np.convolve(steps, np.ones(span) / (span * dt), mode="same")
     found = []
     for crossing in crossings.tolist():

@@ -327,8 +327,8 @@ impl<'a> Search<'a> {
         }
         proposals.retain(|known| !is_equal(known));
         let is_far = (self.task.start.d - ego.target).abs() > STEERING_OFFSET;
-        let steerings = [Steering::GENTLE, Steering::QUICK, Steering::FIRM];
-        for (i, steering) in steerings.into_iter().enumerate().skip(if is_far { 0 } else { 2 }) {
+        let steerings = [Steering::GENTLE, Steering::BRISK, Steering::QUICK, Steering::FIRM];
+        for (i, steering) in steerings.into_iter().enumerate().skip(if is_far { 0 } else { 3 }) {
             let proposal = self.proposal(pace, (target, steering), speeds.clone());
             proposals.push(Proposal { order: [way, place, i], ..proposal });
         }

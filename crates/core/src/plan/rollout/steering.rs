@@ -55,6 +55,8 @@ impl Steering {
     pub(super) const FIRM: Self = Self { preview: 0.5, time: 0.8, inside: 0.0, held: None };
     /// Changes lanes where there is time.
     pub(super) const GENTLE: Self = Self { time: 1.6, ..Self::FIRM };
+    /// Changes lanes where there is less.
+    pub(super) const BRISK: Self = Self { time: 1.15, ..Self::FIRM };
     /// Swerves.
     pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
     /// Where the road is narrow, in turn.
