@@ -286,6 +286,14 @@ def test_it_gives_up_its_goal_rather_than_stop_in_front_of_the_traffic_behind():
     assert abs(drive.y[-1]) < 0.5, "m from the middle of lane 3"
 
 
+def test_it_gives_up_its_goal_too_where_both_lanes_end_with_the_map():
+    agent = problem(1, 50.0, 0.0, SPEED, goal=(275.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 300))
+    cars = [*row(200.0, 2.0, 40, velocity=6.0), *(Car(200 + k, 10.0 - 30.0 * k, 0.0, SPEED) for k in range(4))]
+    drive = Drive(world(straight_road(300.0, lanes=2), cars=cars, problems=[agent], steps=300))
+    assert drive.velocity.min() > 0.85 * SPEED - 0.1, "m/s: the flow behind it"
+    assert drive.outcome == "goal_missed"
+
+
 @pytest.mark.parametrize(("velocity", "x"), [(13.2, -2.0), (13.2, 6.0), (13.6, 2.0)])
 def test_it_does_not_brake_again_when_the_vehicle_behind_falls_back(velocity, x):
     drive = Drive(forking([*row(260.0, 2.0, 40, velocity=6.0), Car(300, x, 0.0, velocity)]))

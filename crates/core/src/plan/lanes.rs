@@ -316,14 +316,21 @@ impl Lane {
             if pieces[i].changes == 0 {
                 continue;
             }
-            let helps = |piece: &&Piece| {
+            let helping = |piece: &Piece| {
                 let lanelet = &lanelets[piece.lanelet];
-                let sides = [lanelet.adjacent_left, lanelet.adjacent_right];
-                sides.into_iter().flatten().any(|(beside, same)| same && changes[beside] < pieces[i].changes)
+                let sides = [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten();
+                sides
+                    .filter(|(beside, same)| *same && changes[*beside] < pieces[i].changes)
+                    .map(|(beside, _)| beside)
+                    .next()
             };
-            let last = pieces[i..].iter().rfind(helps).map_or(pieces[i].end, |piece| piece.end);
-            pieces[i].goes_on =
-                pieces[pieces.len() - 1].end > last || !lanelets[chain[chain.len() - 1]].successors.is_empty();
+            let found = pieces[i..].iter().rev().find_map(|piece| Some((piece.end, helping(piece)?)));
+            let (last, beside) = found.map_or((pieces[i].end, None), |(end, beside)| (end, Some(beside)));
+            // Where both end, so does the map, and not the road.
+            let map_ends = beside.is_some_and(|beside| lanelets[beside].successors.is_empty());
+            pieces[i].goes_on = map_ends
+                || pieces[pieces.len() - 1].end > last
+                || !lanelets[chain[chain.len() - 1]].successors.is_empty();
             pieces[i].last_chance = last.min(goal_s) - CHANGE_RESERVE;
             pieces[i].lane_end = last;
         }
