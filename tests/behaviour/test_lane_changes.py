@@ -13,6 +13,7 @@ import pytest
 from tests.support.junction_lanes import left_turn, network, straight
 
 import interdrive as idr
+from interdrive.results.story import story
 from interdrive.run import PLAN_STATUS
 from interdrive.scenario import Lanelets
 from interdrive.testing.worlds import Car, problem, straight_road, world
@@ -141,6 +142,7 @@ def test_it_shows_the_change_from_3_s_before_until_it_is_in_the_new_lane():
     assert shown[: last + 1].all(), "without a break"
     assert np.isnan(turns(drive.run)[last + 1 :]).all()
     assert drive.y[last + 1] == pytest.approx(3.5, abs=0.5), "m: in the middle of lane 2"
+    assert f"  blinkers left from 0.0 to {0.1 * (last + 1):.1f} s" in story(drive.run, 1)
 
 
 def test_a_change_to_the_right_is_shown_on_the_right():

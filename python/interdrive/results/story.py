@@ -12,6 +12,7 @@ from interdrive.run.goals import said_time
 from interdrive.run.phases import emergency_steps, phases
 from interdrive.run.reasons import said_count, said_line, said_list, said_name, said_obstruction, said_order
 from interdrive.run.rules import RULES
+from interdrive.run.violations.drives import stretches
 
 if TYPE_CHECKING:
     from interdrive.criticality import Criticality
@@ -45,7 +46,7 @@ def story(run: RunRecord, agent_id: int, criticality: Criticality | None = None)
         lines.append(f"  emergency braking at {said_count(len(braking), 'time step')}, the first at {first} s")
     found = criticality or evaluate(run, [agent_id])
     trace = run.outcomes.traceback[int(np.searchsorted(run.outcomes.agent_id, agent_id))]
-    more = [*_broken(run, agent_id), *_critical(run, agent_id, found), *trace.splitlines()]
+    more = [*_blinkers(run, agent_id), *_broken(run, agent_id), *_critical(run, agent_id, found), *trace.splitlines()]
     return [*lines, *(f"  {line}" for line in more)]
 
 
@@ -111,6 +112,16 @@ def _phase(run: RunRecord, agent: AgentRecord, phase: Phase) -> str:
     why = said_obstruction(run, agent.id, np.arange(first, last)) if phase.kind == "emergency braking" else ""
     because = f"; most samples were rejected: {why}" if why else ""
     return f"{text}, from {speed[0]:.1f} to {speed[-1]:.1f} m/s{most}{because}"
+
+
+def _blinkers(run: RunRecord, agent_id: int) -> list[str]:
+    """When its blinkers showed which side."""
+    mine = run.plans.agent_id == agent_id
+    steps, turn = run.plans.time_step[mine], run.plans.turn[mine]
+    shown = sorted((*stretch, side) for side in (1.0, -1.0) for stretch in stretches(turn == side))
+    times = [(said_time(run, int(steps[first])), said_time(run, int(steps[last]) + 1)) for first, last, _ in shown]
+    sides = ("left" if side > 0.0 else "right" for *_, side in shown)
+    return [f"blinkers {side} from {first} to {last} s" for side, (first, last) in zip(sides, times, strict=True)]
 
 
 def _broken(run: RunRecord, agent_id: int) -> list[str]:
