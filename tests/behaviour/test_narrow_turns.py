@@ -47,6 +47,26 @@ def bend(lane_width, radius, structure=None, speed=1.5):
     return replace(made, obstacles=replace(driven, shapes=shapes, **tables))
 
 
+def cutting_the_corner(inside, heading, speed):
+    """A lane of 5 m that turns left with a radius of 5 m, and a car before its end, partly over the inner edge.
+
+    It is beside the middle by `inside` [m] and heads further into the turn than the lane by an angle [rad].
+    """
+    x, y, along = turn_left(5.0, straight=20.0)
+    normal = np.column_stack([-np.sin(along), np.cos(along)])
+    middle = np.column_stack([x, y])
+    lanes = replace(straight_road(), left=(middle + 2.5 * normal,), right=(middle - 2.5 * normal,))
+    start, goal, steps = middle[54] + inside * normal[54], middle[-12], 120
+    made = world(lanes, cars=[Car(1, 0.0)], steps=steps)
+    driven = made.obstacles
+    turned = np.full(steps + 1, along[-12])
+    turned[0] = along[54] + heading
+    x, y = np.linspace(start, goal, steps + 1).T
+    values = {"x": x, "y": y, "orientation": turned, "velocity": np.full(steps + 1, speed)}
+    tables = {name: np.vstack([first, getattr(driven, name)[1:]]) for name, first in values.items()}
+    return replace(made, obstacles=replace(driven, shapes=(Shape("rectangle", 4.5, 2.0),), **tables))
+
+
 def drive(scenario, **settings):
     chosen = bind(SimulationSettings(), {name.replace("__", "."): value for name, value in settings.items()})
     run = simulate(scenario, agents=[1], settings=chosen, threads=1)
@@ -102,3 +122,12 @@ def test_a_car_that_stands_before_a_turn_says_what_it_would_touch_on_its_way(str
     outcome, _, run = drive(bend(2.5, 5.0, structure), road__judge=judge, step__max_steps=STEPS)
     assert outcome == "time_limit"
     assert f"without a vehicle ahead, as quicker plans were rejected: {why}" in run.outcomes.reason[0]
+
+
+@pytest.mark.parametrize(
+    ("inside", "heading", "speed"), [(1.6, 0.6, 7.0), (1.55, 0.65, 7.0), (1.5, 0.65, 7.0), (1.5, 0.6, 8.0)]
+)
+def test_a_car_that_starts_over_the_inner_edge_does_not_leave_the_road_once_it_is_on_it(inside, heading, speed):
+    outcome, _, run = drive(cutting_the_corner(inside, heading, speed))
+    assert outcome != "collision"
+    assert not run.outcomes.off_road[0]

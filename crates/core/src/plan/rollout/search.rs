@@ -438,8 +438,9 @@ impl<'a> Search<'a> {
         }
         let dt = request.dt;
         let mut off_road = leaves_road(request, &rollout, self.settings.road_margin);
-        if off_road.is_some() {
-            terms[8] = 1.0;
+        terms[8] = f64::from(off_road.is_some());
+        // A footprint with its margin may never be on the road where the footprint itself is, and leaves again.
+        if off_road.is_some() || !request.was_on_road {
             off_road = leaves_road(request, &rollout, 0.0);
         }
         let surroundings = &self.memory.surroundings;
