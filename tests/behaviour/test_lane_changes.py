@@ -251,6 +251,17 @@ def test_with_little_time_it_takes_smaller_gaps():
     assert patient.gaps(cars)[1][0] > hurried.gaps(cars)[1][0] > 1.0, "m to the car behind"
 
 
+@pytest.mark.parametrize(("velocity", "beside"), [(8.0, 0.0), (10.0, 0.0), (10.0, 1.5), (15.0, 0.0)])
+def test_beside_the_first_car_of_a_row_it_falls_back_if_the_car_ahead_keeps_it_from_passing(velocity, beside):
+    # The lane is free ahead of the row, whose gaps are 8 m; the car ahead drives as fast, 12 m ahead of the agent.
+    ahead = Car(300, 50.0 + LENGTH + 12.0, 0.0, velocity)
+    cars = row(50.0 + beside, 8.0, 12, velocity=velocity)
+    drive = Drive(two_lanes([ahead, *cars], velocity=velocity, goal=50.0 + 12.0 * velocity))
+    assert drive.outcome == "goal_reached"
+    assert drive.gaps(cars)[0][0] < np.inf, "the first car of the row is ahead"
+    assert drive.velocity.min() > 0.75 * velocity, "m/s"
+
+
 def test_in_a_row_with_short_gaps_it_does_not_slow_down_in_front_of_the_car_behind():
     # In the end it has to change into a gap of 14 m, which leaves less than 5 m on each side.
     assert Drive(two_lanes(row(66.0, 14.0, 4))).outcome == "goal_reached"

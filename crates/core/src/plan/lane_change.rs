@@ -265,8 +265,9 @@ impl LaneRoutes {
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
-    /// that is too small counts for less. It is the mean speed on the way there, so that the agent keeps pace with the gap
-    /// once it is beside it, and leaves the whole time gap whatever the hurry. `None` if the agent heads across its lane.
+    /// that is too small counts for less, and one beyond the vehicle ahead or the end of the lane not at all. It is the
+    /// mean speed on the way there, so that the agent keeps pace with the gap once it is beside it, and leaves the whole
+    /// time gap whatever the hurry. `None` if the agent heads across its lane.
     fn seek(
         &self,
         request: &PlanRequest,
@@ -311,6 +312,10 @@ impl LaneRoutes {
         for i in 0..=others.len() {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));
             let high = others.get(i).map_or(f64::INFINITY, behind).min(furthest);
+            // What leads in its own lane would keep it from there, and beside the vehicle that it wants to pass.
+            if low > furthest {
+                continue;
+            }
             let lack = (low - high).max(0.0);
             let way = if lack > 0.0 { 0.5 * (low + high) } else { (wish * time).clamp(low, high) };
             let speed = way / time;
