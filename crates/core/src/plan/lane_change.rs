@@ -265,7 +265,7 @@ impl LaneRoutes {
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
-    /// that is too small counts for less, and one beyond the vehicle ahead or the end of the lane not at all. It is the
+    /// that is too small counts for less, and one beyond the vehicle ahead not at all. It is the
     /// mean speed on the way there, so that the agent keeps pace with the gap once it is beside it, and leaves the whole
     /// time gap whatever the hurry. `None` if the agent heads across its lane.
     fn seek(
@@ -298,7 +298,8 @@ impl LaneRoutes {
         let leaders = intervals(request, &self.lanes.lanes[here.lane], &ego);
         let leaders = leaders.filter(|other| other.middle() > 0.0).map(|other| behind(&other));
         let lane_end = end - (here.s + request.vehicle.rear_axle_to_center + half);
-        let furthest = leaders.fold(lane_end, f64::min);
+        let behind_leader = leaders.fold(f64::INFINITY, f64::min);
+        let furthest = behind_leader.min(lane_end);
         let flow = follower.map_or(0.0, |(velocity, _)| velocity.min(wish));
         // Shortly before the end of its lane a gap counts more than the vehicle behind.
         let near = follower.filter(|_| lane_end > HURRY.1 * velocity).map_or(0.0, |(velocity, room)| {
@@ -313,7 +314,7 @@ impl LaneRoutes {
             let low = i.checked_sub(1).map_or(f64::NEG_INFINITY, |k| ahead(&others[k]));
             let high = others.get(i).map_or(f64::INFINITY, behind).min(furthest);
             // What leads in its own lane would keep it from there, and beside the vehicle that it wants to pass.
-            if low > furthest {
+            if low > behind_leader {
                 continue;
             }
             let lack = (low - high).max(0.0);
