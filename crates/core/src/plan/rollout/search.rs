@@ -32,8 +32,6 @@ const SWING_COST: f64 = 0.5;
 /// Shares of the tightest curvature, and times for which they are held [s], of vehicles that swing out.
 const SWINGS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 const SWING_TIMES: [f64; 2] = [0.8, 2.0];
-/// Shares of the vehicle's largest deceleration with which it brakes in an emergency.
-const EMERGENCIES: [f64; 3] = [0.9, 0.6, 0.4];
 /// Those who stand and whom the footprint misses by this are no leaders [m].
 const SPARED: f64 = 0.1;
 
@@ -349,19 +347,13 @@ impl<'a> Search<'a> {
         self.choose(in_turn(proposals), Vec::new());
     }
 
-    /// Brakes as hard as the vehicle can.
+    /// Brakes as hard as the vehicle can, at the offset that it has.
     fn brake(&mut self) {
         let ego = self.look(0.0);
-        let d = self.task.start.d;
-        let mut proposals = Vec::new();
-        for pace in EMERGENCIES.map(Pace::Emergency) {
-            let speeds = self.speeds(pace, &ego).expect("an agent can always brake");
-            for offset in [0.0, d] {
-                proposals.push(self.proposal(pace, ((offset, Along::Path), Steering::FIRM), speeds.clone()));
-            }
-        }
-        proposals.iter_mut().for_each(|one| one.is_emergency = true);
-        self.choose(in_turn(proposals), Vec::new());
+        let speeds = self.speeds(Pace::Emergency, &ego).expect("an agent can always brake");
+        let offset = (self.task.start.d, Along::Path);
+        let proposal = self.proposal(Pace::Emergency, (offset, Steering::FIRM), speeds);
+        self.choose(vec![Proposal { is_emergency: true, ..proposal }], Vec::new());
     }
 
     /// Drives what may be better than the best, by increasing bounds.
