@@ -23,7 +23,7 @@ const RISK_ACROSS: (f64, f64) = (0.3, 0.1);
 const RISK_STEP: usize = 3;
 /// The vehicle can accelerate by this on its way to what it may meet [m/s²].
 const ACCELERATION: f64 = 3.0;
-/// Shares of the margins to which they are known: how much a plan keeps, and how much there is at its beginning.
+/// Shares of the margins to which it is known how much a plan keeps.
 const SHARES: [f64; 3] = [0.75, 0.5, 0.25];
 /// Being nearer to others than the margin by up to this costs what any missing margin costs [m].
 const MISSING_MIN: f64 = 0.1;
@@ -121,7 +121,7 @@ impl Surroundings {
             if !body.grown(1.0).overlaps(reach) {
                 continue;
             }
-            let (margin, overlaps_now) = margin((&body, true), own, passing, settings);
+            let (margin, overlaps_now) = margin(&body, own, passing, settings);
             let first = self.boxes.len();
             self.boxes.push(body);
             self.bodies.push(Body {
@@ -175,7 +175,7 @@ impl Surroundings {
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
             let radius = now.radius();
             let (is_static, stands) = (false, other.velocity.abs() < STATIONARY_SPEED);
-            let (margin, overlaps_now) = margin((&now, stands), own, passing, settings);
+            let (margin, overlaps_now) = margin(&now, own, passing, settings);
             self.bodies.push(Body {
                 other: index,
                 probability,
@@ -329,25 +329,13 @@ fn longest(places: impl Iterator<Item = Point>) -> f64 {
     squares.fold(0.0, f64::max).sqrt()
 }
 
-/// The margins to keep to a body passed at a speed [m/s], and whether the vehicle overlaps it now. Where it is nearer now, it
-/// keeps as much as it has to a body that stands, and no margin to a moving body.
-fn margin(
-    (body, stands): (&OrientedBox, bool),
-    own: &OrientedBox,
-    passing: f64,
-    settings: &RolloutSettings,
-) -> ([f64; 3], bool) {
+/// The margins to keep to a body passed at a speed [m/s], none where it is nearer now, and whether the vehicle overlaps it now.
+fn margin(body: &OrientedBox, own: &OrientedBox, passing: f64, settings: &RolloutSettings) -> ([f64; 3], bool) {
     let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
-    let is_near = |share: f64| {
-        let half_length = body.half_length + share * margins[0];
-        let half_width = body.half_width + share * (margins[1] + margins[2] * passing.abs());
-        own.overlaps(&OrientedBox { half_length, half_width, ..*body })
-    };
-    let shares = SHARES.into_iter().filter(|_| stands);
-    match std::iter::once(1.0).chain(shares).find(|share| !is_near(*share)) {
-        Some(share) => (margins.map(|margin| share * margin), false),
-        None => ([0.0; 3], own.overlaps(body)),
-    }
+    let half_length = body.half_length + margins[0];
+    let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
+    let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
+    if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
 }
 
 /// The other would run with its front into the agent's rear half, although it can still stop.
