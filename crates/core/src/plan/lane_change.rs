@@ -178,7 +178,6 @@ impl LaneRoutes {
             let time = need.map_or(0.0, |need| (need.last_chance - front(origin.s)) / velocity.max(1.0));
             let change = LaneChange {
                 is_accepted: is_safe,
-                is_under_way: true,
                 urgency: urgency(offset, time),
                 side: request.change_to(&aim, half),
                 ..LaneChange::default()
@@ -210,7 +209,6 @@ impl LaneRoutes {
         if is_accepted || !gives_up && !can_stop(aim.s, &need) {
             let change = LaneChange {
                 is_accepted,
-                is_under_way: true,
                 urgency: urgency(there.d, time),
                 side: side(&there),
                 ..LaneChange::default()

@@ -188,8 +188,6 @@ pub struct PlanRequest<'a> {
 pub struct LaneChange {
     /// It changes into a gap that is large enough: vehicles behind it keep the distance.
     pub is_accepted: bool,
-    /// It changes lanes, in any gap: no vehicle beside it has to yield.
-    pub is_under_way: bool,
     /// Desired speed that brings it beside a gap [m/s].
     pub velocity: Option<f64>,
     /// Arc length on the path that its front must not pass in this lane [m]; infinite without one.
@@ -203,7 +201,7 @@ pub struct LaneChange {
 impl Default for LaneChange {
     /// There is none.
     fn default() -> Self {
-        Self { is_accepted: false, is_under_way: false, velocity: None, end: f64::INFINITY, urgency: 1.0, side: None }
+        Self { is_accepted: false, velocity: None, end: f64::INFINITY, urgency: 1.0, side: None }
     }
 }
 

@@ -11,10 +11,6 @@ use crate::geometry::shape::OrientedBox;
 
 /// A follower keeps its distance while the agent stays within this of its offset [m].
 const OWN_LANE: f64 = 1.0;
-/// A participant within these speeds [m/s] yields if this deceleration is enough [m/s²]: at walking pace two vehicles would
-/// wait for each other otherwise. A faster vehicle may be a replay, or not look.
-const YIELDING_SPEEDS: (f64, f64) = (0.2, 2.5);
-const YIELDING_DECELERATION: f64 = 4.0;
 /// Being nearer than this is a risk, along and across the other's heading [m], and this much more for each second ahead
 /// [m/s]: so predictions spread.
 const RISK_ALONG: (f64, f64) = (1.0, 0.5);
@@ -278,10 +274,6 @@ impl Surroundings {
             if !is_reversing && is_behind && !body.stands && (keeps_lane || change.is_accepted) {
                 return None;
             }
-            let time = i as f64 * request.dt;
-            if !is_reversing && keeps_lane && !change.is_under_way && must_yield(&ego, other, moved, request.dt, time) {
-                return None;
-            }
             return Some(Contact { point: i, speed: passing, other: Some(body.other) });
         }
         None
@@ -336,14 +328,6 @@ fn margin(body: &OrientedBox, own: &OrientedBox, passing: f64, settings: &Rollou
     let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
     let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
     if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
-}
-
-/// The other would run with its front into the agent's rear half, although it can still stop.
-fn must_yield(ego: &OrientedBox, other: &OrientedBox, moved: Point, dt: f64, time: f64) -> bool {
-    let front = other.center + other.axis * other.half_length;
-    let speed = moved.dot(other.axis) / dt;
-    let is_behind = (front - ego.center).dot(ego.axis) < 0.0;
-    is_behind && (YIELDING_SPEEDS.0..YIELDING_SPEEDS.1).contains(&speed) && speed <= 2.0 * YIELDING_DECELERATION * time
 }
 
 #[cfg(test)]
