@@ -46,6 +46,15 @@ def test_a_parked_car_is_passed_with_the_margin_for_the_speed_and_without_brakin
     assert velocity[x < PARKED].min() >= 0.9 * speed, "m/s"
 
 
+@pytest.mark.parametrize("y", [-1.2, -1.1, -1.0])
+def test_where_a_lane_leaves_less_than_the_margin_an_agent_keeps_most_of_it(y):
+    # The line must not be crossed; at 20 m/s the margin is 0.5 m.
+    left = 1.75 - y - 0.9 - 1.61
+    run, x, offset, _ = driven(y, 20.0, "solid")
+    assert run.outcomes.outcome == ("goal_reached",)
+    assert (offset[np.abs(x - PARKED) < 4.5] - y).min() - HALVES >= 0.7 * left, "m of room"
+
+
 @pytest.mark.parametrize(("behind", "is_passed_first"), [(30.0, False), (60.0, False), (150.0, True)])
 def test_a_car_that_comes_from_behind_in_the_other_lane_goes_first_unless_it_is_far(behind, is_passed_first):
     # It is 10 m/s faster and does not react; where the agent begins to move over it is 0, 30 and 120 m behind.
