@@ -263,9 +263,9 @@ impl LaneRoutes {
     }
 
     /// The speed with which the agent comes beside the gap that takes the smallest change of its speed [m/s], where a gap
-    /// that is too small counts for less, and one beyond the vehicle ahead not at all. It is the
-    /// mean speed on the way there, so that the agent keeps pace with the gap once it is beside it, and leaves the whole
-    /// time gap whatever the hurry. `None` if the agent heads across its lane.
+    /// that is too small counts for less, and one beyond the vehicle ahead not at all. It is the mean speed on the way
+    /// there, so that the agent keeps pace with the gap once it is beside it, and leaves the whole time gap whatever the
+    /// hurry. `None` if the agent heads across its lane.
     fn seek(
         &self,
         request: &PlanRequest,
