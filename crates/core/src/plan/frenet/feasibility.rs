@@ -83,6 +83,7 @@ pub(super) struct Limits {
     steering_step: f64,
     /// By how much the start exceeds the limits of deceleration, acceleration and lateral acceleration [m/s²].
     excess: [f64; 3],
+    has_excess: bool,
 }
 
 impl Limits {
@@ -103,6 +104,7 @@ impl Limits {
             curvature_max: vehicle.curvature_max(),
             steering_step: vehicle.steering_step(request.dt),
             excess: excess.map(|e| 1.1 * e.max(0.0)),
+            has_excess: excess.iter().any(|e| *e > 0.0),
             vehicle,
         }
     }
@@ -119,7 +121,7 @@ impl Limits {
 
     /// How much more than the limits of deceleration, acceleration and lateral acceleration is allowed at a point.
     fn recovery(&self, point: usize) -> [f64; 3] {
-        if self.excess == [0.0; 3] {
+        if !self.has_excess {
             return [0.0; 3];
         }
         let rest = (1.0 - point as f64 * self.dt / RECOVERY_TIME).max(0.0);

@@ -15,7 +15,8 @@ impl LateralPoint {
     /// Offset and two derivatives of the motion that ends at an offset.
     #[inline]
     pub(super) fn to(&self, end_offset: f64) -> [f64; 3] {
-        std::array::from_fn(|k| self.home[k] + end_offset * self.step[k])
+        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
+        [h0 + end_offset * s0, h1 + end_offset * s1, h2 + end_offset * s2]
     }
 }
 
