@@ -448,8 +448,8 @@ fn is_follower(ego: &Ego, interval: &PathInterval) -> bool {
 mod tests {
     use super::*;
     use crate::plan::car_following::integrate;
-    use crate::plan::frenet::tests::{Car, Drive};
     use crate::plan::prediction_index::PredictionIndex;
+    use crate::plan::testing::{Car, Drive};
     use crate::trajectory::Predictions;
 
     /// What a vehicle with 20 m/s may accelerate at most now [m/s²] beside a vehicle with 12 m/s, 12 m ahead in the next

@@ -29,6 +29,8 @@ mod recorded;
 mod recorded_path;
 pub(crate) mod reference_driver;
 pub mod rollout;
+#[cfg(test)]
+mod testing;
 mod velocity_adjusting;
 pub mod weights;
 

@@ -1,6 +1,6 @@
 //! Convex parts: overlap by separating axes, distance by the nearest pair of a vertex and an edge.
 
-use super::TOUCHING_DISTANCE;
+use super::{OrientedBox, TOUCHING_DISTANCE};
 use crate::geometry::{Aabb, Point, Pose};
 
 /// Convex set in the body frame: a circle (one vertex with a radius) or a polygon (at least three vertices, radius 0).
@@ -88,6 +88,34 @@ struct Separation {
 }
 
 impl ConvexPart {
+    /// Smallest box around it along one of its sides, world frame, and whether that is larger than it.
+    pub(crate) fn tightest_box(&self, pose: Pose) -> (OrientedBox, bool) {
+        let vertices = &self.vertices;
+        let to_world = |p: Point| pose.world_from_body(p);
+        if vertices.len() < 3 {
+            let center = to_world(vertices.first().copied().unwrap_or_default());
+            let axis = Point::from_angle(pose.orientation);
+            return (OrientedBox { center, axis, half_length: self.radius, half_width: self.radius }, false);
+        }
+        let triangle = |i: usize| 0.5 * (vertices[i] - vertices[0]).cross(vertices[i + 1] - vertices[0]);
+        let area: f64 = (1..vertices.len() - 1).map(triangle).sum();
+        let mut best: Option<OrientedBox> = None;
+        for i in 0..vertices.len() {
+            let side = vertices[(i + 1) % vertices.len()] - vertices[i];
+            let axis = side * (1.0 / side.norm());
+            let around = Aabb::around(vertices.iter().map(|vertex| Point::new(vertex.dot(axis), axis.cross(*vertex))));
+            let half = (around.max - around.min) * 0.5;
+            if best.is_none_or(|b| half.x * half.y < b.half_length * b.half_width - 1e-9) {
+                let middle = (around.min + around.max) * 0.5;
+                let center = to_world(axis * middle.x + axis.left() * middle.y);
+                let axis_in_world = to_world(axis) - pose.position;
+                best = Some(OrientedBox { center, axis: axis_in_world, half_length: half.x, half_width: half.y });
+            }
+        }
+        let best = best.expect("a polygon has sides");
+        (best, 4.0 * best.half_length * best.half_width > 1.02 * area)
+    }
+
     /// A circle from its centre, or a polygon from its corners: counter-clockwise, no two of them equal.
     pub(super) fn new(vertices: Vec<Point>, radius: f64) -> Self {
         let n = vertices.len();

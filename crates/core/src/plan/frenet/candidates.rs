@@ -1,9 +1,8 @@
 //! All samples of one plan with everything that can be said about them, for pictures and studies.
 
-use super::evaluation::Evaluation;
 use super::feasibility::Rejection;
 use super::profiles::LongitudinalProfile;
-use super::search::SearchSpace;
+use super::search::Evaluation;
 use super::settings::N_TERMS;
 
 /// Samples of one plan, one row per sample: first the grid (end time by end time, speed by speed, lateral position by
@@ -51,15 +50,10 @@ impl Candidates {
     }
 
     /// Evaluates all samples to the end.
-    pub(super) fn of(evaluation: &mut Evaluation, desired_velocity: f64) -> Self {
-        let n_points = evaluation.problem.limits.n_points;
-        let mut out = Self { n_points, desired_velocity, ..Self::default() };
-        for profile in 0..evaluation.tables.samples.profiles.len() {
-            if evaluation.tables.samples.profiles[profile].rejection == Rejection::Admissible {
-                evaluation.open(profile).for_each(drop);
-            }
-        }
-        for sample in 0..evaluation.len() {
+    pub(super) fn of(evaluation: &mut Evaluation) -> Self {
+        let n_points = evaluation.samples().n_points;
+        let mut out = Self { n_points, desired_velocity: evaluation.problem.targets.velocity, ..Self::default() };
+        for sample in 0..evaluation.samples().len() {
             out.push(evaluation, sample);
         }
         let admissible = (0..out.len()).filter(|i| out.rejection[*i] == Rejection::Admissible);
@@ -69,33 +63,23 @@ impl Candidates {
     }
 
     fn push(&mut self, evaluation: &mut Evaluation, sample: usize) {
-        let mut rejection = evaluation.write_points(sample);
-        let mut collision_id = -1;
-        let can_be_driven = rejection == Rejection::Admissible;
-        if can_be_driven {
-            if let Some(contact) = evaluation.contact() {
-                let request = evaluation.problem.request;
-                collision_id = request.predictions.ids[request.others[contact.other].row];
-                rejection = Rejection::Collision;
-            } else if !evaluation.stays_on_road() {
-                rejection = Rejection::OffRoad;
-            }
-        }
+        let (rejection, contact) = evaluation.examine(sample);
+        let (request, settings) = (evaluation.problem.request, evaluation.problem.settings);
+        let can_be_driven = [Rejection::Admissible, Rejection::Collision, Rejection::OffRoad].contains(&rejection);
         let terms = if can_be_driven { evaluation.terms(sample) } else { [f64::NAN; N_TERMS] };
-        let weights = evaluation.problem.settings.weights.as_array();
+        let weights = settings.weights.as_array();
         self.cost.push(terms.iter().zip(weights).map(|(term, weight)| term * weight).sum());
         self.terms.extend(terms);
         self.rejection.push(rejection);
-        self.collision_id.push(collision_id);
+        self.collision_id.push(contact.map_or(-1, |one| request.predictions.ids[request.others[one.other].row]));
         self.x.extend(evaluation.points().iter().map(|point| point.center.x));
         self.y.extend(evaluation.points().iter().map(|point| point.center.y));
         let last = evaluation.points()[self.n_points - 1];
         self.last_velocity.push(last.velocity);
-        let (profile, end_offset) = evaluation.cell(sample);
-        let samples = &*evaluation.tables.samples;
-        let LongitudinalProfile { end_time, end_velocity, .. } = samples.profiles[profile];
+        let (profile, end_offset) = evaluation.samples().cell(sample);
+        let LongitudinalProfile { end_time, end_velocity, .. } = evaluation.samples().profiles[profile];
         self.end_time.push(end_time);
         self.end_velocity.push(end_velocity);
-        self.end_offset.push(samples.end_offsets[end_offset]);
+        self.end_offset.push(end_offset);
     }
 }

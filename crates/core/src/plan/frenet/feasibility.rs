@@ -5,7 +5,6 @@
 
 use super::super::PlanRequest;
 use super::super::frame::Waypoint;
-use crate::geometry::Point;
 use crate::vehicle::Vehicle;
 
 /// Time in which an excess of the start must be gone [s].
@@ -47,21 +46,6 @@ pub enum Rejection {
 }
 
 impl Rejection {
-    /// All; the position is the number.
-    pub(super) const ALL: [Self; 11] = [
-        Self::Admissible,
-        Self::Acceleration,
-        Self::Curvature,
-        Self::SteeringRate,
-        Self::YawRate,
-        Self::LateralAcceleration,
-        Self::NegativeSpeed,
-        Self::LeftPath,
-        Self::Collision,
-        Self::OffRoad,
-        Self::StopLine,
-    ];
-
     /// In words; empty for an admissible sample. `collision_id` is the participant that is hit.
     pub fn words(self, collision_id: i64) -> String {
         match self {
@@ -83,26 +67,6 @@ impl Rejection {
     #[inline]
     pub(super) fn or(self, other: Self) -> Self {
         if self == Self::Admissible { other } else { self }
-    }
-}
-
-/// Conditions under which a motion along the path surely breaks no limit of the vehicle.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LongitudinalLimits {
-    /// Speed that still counts as 0 [m/s].
-    lowest: f32,
-    /// [m/s²]
-    acceleration: f32,
-    /// Acceleration times speed [m²/s³].
-    power: f32,
-    /// Lateral polynomials of time are for speeds from this on [m/s].
-    pub(super) low_velocity: f32,
-}
-
-impl LongitudinalLimits {
-    #[inline(always)]
-    pub(super) fn surely_holds(&self, s_dot: f32, s_ddot: f32) -> bool {
-        (s_dot >= self.lowest) & (s_ddot.abs() <= self.acceleration) & (s_ddot * s_dot <= self.power)
     }
 }
 
@@ -156,7 +120,6 @@ impl Limits {
     }
 
     /// How much more than the limits of deceleration, acceleration and lateral acceleration is allowed at a point.
-    #[inline(always)]
     fn recovery(&self, point: usize) -> [f64; 3] {
         if !self.has_excess {
             return [0.0; 3];
@@ -178,76 +141,42 @@ impl Limits {
         if s_ddot.abs() > PATH_FACTOR * limit { Rejection::Acceleration } else { Rejection::Admissible }
     }
 
-    /// A quick form of `check_along_path`.
-    pub(super) fn along_path(&self, rounding: f64, low_velocity: f64) -> LongitudinalLimits {
-        /// A little less than the limits, so that single precision makes doubt and not certainty.
-        const SAFETY: f64 = 1.0 - 1e-3;
-        let acceleration = SAFETY * PATH_FACTOR * self.acceleration_max;
-        let power = acceleration * PATH_FACTOR * self.vehicle.velocity_switch;
-        LongitudinalLimits {
-            lowest: (-0.5 * rounding) as f32,
-            acceleration: acceleration as f32,
-            power: power as f32,
-            low_velocity: low_velocity as f32,
-        }
-    }
-
-    /// Checks point number `point` and the step to it from `before`.
-    #[inline]
-    pub(super) fn check(&self, before: &Waypoint, now: &Waypoint, point: usize) -> Rejection {
-        const REASONS: [Rejection; 5] = [
-            Rejection::Acceleration,
-            Rejection::Curvature,
-            Rejection::LateralAcceleration,
-            Rejection::SteeringRate,
-            Rejection::YawRate,
-        ];
-        let broken = self.broken(&Turning::of(before), &Turning::of(now), now.acceleration, point);
-        broken.iter().position(|is_broken| *is_broken).map_or(Rejection::Admissible, |i| REASONS[i])
-    }
-
-    /// Which limits are broken: acceleration, curvature, lateral acceleration, steering rate, yaw rate.
+    /// Checks point number `point` and the step to it from `before`; the first limit that is broken counts.
     ///
     /// The change of the steering angle atan(L k) is exact: its tangent is L (k2 - k1) / (1 + L² k1 k2).
-    #[inline(always)]
-    pub(super) fn broken(&self, before: &Turning, now: &Turning, acceleration: f64, point: usize) -> [bool; 5] {
+    pub(super) fn check(&self, before: &Waypoint, now: &Waypoint, point: usize) -> Rejection {
         let [braking, driving, cornering] = self.recovery(point);
         let forward = self.vehicle.forward_acceleration_max(now.velocity) + driving;
-        let available = if acceleration > 0.0 { forward } else { self.acceleration_max + braking };
+        let available = if now.acceleration > 0.0 { forward } else { self.acceleration_max + braking };
         let limit = self.curvature_max + CURVATURE_ROUNDING;
         let lateral = now.velocity * now.velocity * now.curvature.abs();
+        let held = self.vehicle.lateral_acceleration_max + cornering + ACCELERATION_ROUNDING;
         let l = self.vehicle.wheelbase;
-        let step = (now.curvature - before.curvature).abs() - CURVATURE_ROUNDING;
+        let step = l * ((now.curvature - before.curvature).abs() - CURVATURE_ROUNDING);
+        let step_max = self.steering_step * (1.0 + l * l * now.curvature * before.curvature).max(0.0);
         let turn = before.axis.cross(now.axis).abs();
-        [
-            acceleration.abs() > available + ACCELERATION_ROUNDING,
-            now.curvature.abs() > limit,
-            lateral > self.vehicle.lateral_acceleration_max + cornering + ACCELERATION_ROUNDING,
-            l * step > self.steering_step * (1.0 + l * l * now.curvature * before.curvature).max(0.0),
-            turn > limit * before.velocity.max(now.velocity) * self.dt + HEADING_ROUNDING,
-        ]
-    }
-}
-
-/// What limits of turning look at.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Turning {
-    pub(super) axis: Point,
-    pub(super) curvature: f64,
-    pub(super) velocity: f64,
-}
-
-impl Turning {
-    #[inline(always)]
-    fn of(point: &Waypoint) -> Self {
-        Self { axis: point.axis, curvature: point.curvature, velocity: point.velocity }
+        let turn_max = limit * before.velocity.max(now.velocity) * self.dt + HEADING_ROUNDING;
+        if now.acceleration.abs() > available + ACCELERATION_ROUNDING {
+            Rejection::Acceleration
+        } else if now.curvature.abs() > limit {
+            Rejection::Curvature
+        } else if lateral > held {
+            Rejection::LateralAcceleration
+        } else if step > step_max {
+            Rejection::SteeringRate
+        } else if turn > turn_max {
+            Rejection::YawRate
+        } else {
+            Rejection::Admissible
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::Drive;
     use super::*;
+    use crate::geometry::Point;
+    use crate::plan::testing::Drive;
     use crate::trajectory::State;
 
     /// A vehicle of round numbers: 0.2 /m of curvature, 8 m/s² up to 10 m/s, then less; 6 m/s² to the side.
@@ -280,80 +209,54 @@ mod tests {
     }
 
     #[test]
-    fn acceleration_is_limited_by_the_engine_above_the_switching_velocity_and_deceleration_is_not() {
-        for (velocity, acceleration, expected) in [
-            (5.0, 8.0 + 5e-7, Rejection::Admissible),
-            (5.0, 8.0 + 2e-6, Rejection::Acceleration),
-            (5.0, -8.0 - 5e-7, Rejection::Admissible),
-            (5.0, -8.0 - 2e-6, Rejection::Acceleration),
-            // 8 * 10 / 20
-            (20.0, 4.0 + 5e-7, Rejection::Admissible),
-            (20.0, 4.0 + 2e-6, Rejection::Acceleration),
-            (20.0, -8.0, Rejection::Admissible),
+    fn each_limit_is_broken_just_beyond_its_value() {
+        use Rejection::{Acceleration, Admissible, Curvature, LateralAcceleration, SteeringRate, YawRate};
+        let steady = |velocity: f64, acceleration: f64, curvature: f64| {
+            let now = point(velocity, acceleration, curvature, 0.0);
+            (now, now)
+        };
+        let steered = |before: f64, now: f64| (point(1.0, 0.0, before, 0.0), point(1.0, 0.0, now, 0.0));
+        let turned =
+            |before: f64, now: f64, sine: f64| (point(before, 0.0, 0.0, 0.0), point(now, 0.0, 0.0, f64::asin(sine)));
+        for ((before, now), expected) in [
+            (steady(5.0, 8.0 + 5e-7, 0.0), Admissible),
+            (steady(5.0, 8.0 + 2e-6, 0.0), Acceleration),
+            (steady(5.0, -8.0 - 5e-7, 0.0), Admissible),
+            (steady(5.0, -8.0 - 2e-6, 0.0), Acceleration),
+            // The engine's limit at 20 m/s is 8 * 10 / 20; the brakes have none.
+            (steady(20.0, 4.0 + 5e-7, 0.0), Admissible),
+            (steady(20.0, 4.0 + 2e-6, 0.0), Acceleration),
+            (steady(20.0, -8.0, 0.0), Admissible),
+            (steady(1.0, 0.0, 0.2009), Admissible),
+            (steady(1.0, 0.0, 0.2011), Curvature),
+            // 10² * 0.06 = 6
+            (steady(10.0, 0.0, 0.06), Admissible),
+            (steady(10.0, 0.0, 0.060001), LateralAcceleration),
+            // atan(2.5 k) by 0.04 rad: from straight ahead to tan(0.04) / 2.5 = 0.016009 and 0.001 of rounding; from 0.1
+            // the change d holds 2.5 (d - 0.001) = tan(0.04) (1 + 6.25 * 0.1 (0.1 + d)).
+            (steered(0.0, 0.01700), Admissible),
+            (steered(0.0, 0.01702), SteeringRate),
+            (steered(0.01700, 0.0), Admissible),
+            (steered(0.01702, 0.0), SteeringRate),
+            (steered(0.1, 0.11818), Admissible),
+            (steered(0.1, 0.11820), SteeringRate),
+            (steered(-0.0085, 0.0085), Admissible),
+            // At the higher speed, the sine of the turn is at most 0.201 /m * 2 m/s * 0.1 s + 0.0001 = 0.0403.
+            (turned(2.0, 1.0, 0.0402), Admissible),
+            (turned(2.0, 1.0, 0.0404), YawRate),
+            (turned(1.0, 2.0, 0.0402), Admissible),
+            (turned(1.0, 2.0, 0.0404), YawRate),
+            // The first reason counts.
+            (steady(10.0, 9.0, 0.3), Acceleration),
         ] {
-            let now = point(velocity, acceleration, 0.0, 0.0);
-            assert_eq!(limits().check(&now, &now, 1), expected, "{acceleration} m/s² at {velocity} m/s");
+            assert_eq!(limits().check(&before, &now, 1), expected, "{before:?} to {now:?}");
+            let mirrored =
+                |p: Waypoint| Waypoint { curvature: -p.curvature, axis: Point::new(p.axis.x, -p.axis.y), ..p };
+            assert_eq!(limits().check(&mirrored(before), &mirrored(now), 1), expected, "to the other side");
         }
-    }
-
-    #[test]
-    fn curvature_and_lateral_acceleration_are_limited_to_both_sides() {
-        for side in [1.0, -1.0] {
-            for (velocity, curvature, expected) in [
-                (1.0, 0.2009, Rejection::Admissible),
-                (1.0, 0.2011, Rejection::Curvature),
-                // 10² * 0.06 = 6
-                (10.0, 0.06, Rejection::Admissible),
-                (10.0, 0.060001, Rejection::LateralAcceleration),
-            ] {
-                let now = point(velocity, 0.0, side * curvature, 0.0);
-                assert_eq!(limits().check(&now, &now, 1), expected, "{curvature} /m at {velocity} m/s");
-            }
-        }
-    }
-
-    #[test]
-    fn the_steering_angle_changes_by_at_most_its_rate() {
-        // atan(2.5 k) by 0.04 rad: from straight ahead to tan(0.04) / 2.5 = 0.016009 and 0.001 of rounding; from 0.1
-        // the change d holds 2.5 (d - 0.001) = tan(0.04) (1 + 6.25 * 0.1 (0.1 + d)).
-        for side in [1.0, -1.0] {
-            for (before, now, expected) in [
-                (0.0, 0.01700, Rejection::Admissible),
-                (0.0, 0.01702, Rejection::SteeringRate),
-                (0.01700, 0.0, Rejection::Admissible),
-                (0.01702, 0.0, Rejection::SteeringRate),
-                (0.1, 0.11818, Rejection::Admissible),
-                (0.1, 0.11820, Rejection::SteeringRate),
-                (-0.0085, 0.0085, Rejection::Admissible),
-            ] {
-                let at = |curvature: f64| point(1.0, 0.0, side * curvature, 0.0);
-                assert_eq!(limits().check(&at(before), &at(now), 1), expected, "{before} to {now}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_heading_changes_no_faster_than_full_steering_allows_at_the_higher_speed() {
-        // Sine of the turn: 0.201 /m * 2 m/s * 0.1 s + 0.0001 = 0.0403.
-        for (before, now) in [(2.0, 1.0), (1.0, 2.0)] {
-            for (sine, expected) in
-                [(0.0402, Rejection::Admissible), (0.0404, Rejection::YawRate), (-0.0404, Rejection::YawRate)]
-            {
-                let turned = point(now, 0.0, 0.0, f64::asin(sine));
-                assert_eq!(limits().check(&point(before, 0.0, 0.0, 0.0), &turned, 1), expected, "{sine}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_first_reason_counts() {
-        let now = point(10.0, 9.0, 0.3, 0.0);
-        assert_eq!(limits().check(&now, &now, 1), Rejection::Acceleration);
-        for (first, second, expected) in [
-            (Rejection::Admissible, Rejection::YawRate, Rejection::YawRate),
-            (Rejection::Curvature, Rejection::YawRate, Rejection::Curvature),
-            (Rejection::Curvature, Rejection::Admissible, Rejection::Curvature),
-        ] {
+        for (first, second, expected) in
+            [(Admissible, YawRate, YawRate), (Curvature, YawRate, Curvature), (Curvature, Admissible, Curvature)]
+        {
             assert_eq!(first.or(second), expected);
         }
     }
@@ -411,30 +314,6 @@ mod tests {
             (25.0, 0.0, Rejection::Admissible),
         ] {
             assert_eq!(limits().check_along_path(s_dot, s_ddot, 3), expected, "{s_ddot} m/s² at {s_dot} m/s");
-        }
-    }
-
-    #[test]
-    fn the_quick_form_along_the_path_never_admits_more_than_the_exact_one() {
-        let quick = limits().along_path(0.01, 2.5);
-        assert_eq!(quick.low_velocity, 2.5);
-        for (s_dot, s_ddot, expected) in [
-            (-0.004, 0.0, true),
-            (-0.006, 0.0, false),
-            // 0.999 * 10 m/s²
-            (1.0, 9.98, true),
-            (1.0, 9.995, false),
-            (1.0, -9.98, true),
-            (1.0, -9.995, false),
-            // 0.999 * 10 * 1.25 * 10 = 124.875 m²/s³
-            (24.9, 5.0, true),
-            (24.98, 5.0, false),
-            (24.98, -5.0, true),
-        ] {
-            assert_eq!(quick.surely_holds(s_dot, s_ddot), expected, "{s_ddot} m/s² at {s_dot} m/s");
-            if expected {
-                assert_eq!(limits().check_along_path(s_dot.into(), s_ddot.into(), 3), Rejection::Admissible);
-            }
         }
     }
 }

@@ -4,15 +4,15 @@
 //! An end offset is a lateral position d. Profiles that stay above `low_velocity` use lateral polynomials of time, which they share
 //! with all profiles of the same end time; the others use polynomials of arc length, which stay well defined at standstill.
 
-use super::super::frame::Start;
+use super::super::frame::{FrenetPoint, Start};
 use super::super::polynomial::{Braking, Polynomial};
-use super::feasibility::{Limits, LongitudinalLimits, Rejection};
-use super::lateral::{LateralPoints, LateralTables, LongitudinalMotion, turning_length};
-use super::profiles::{LongitudinalProfile, PathPoints, ProfileCurve, ProfilePoints};
+use super::Problem;
+use super::feasibility::{Limits, Rejection};
+use super::lateral::{LateralPoint, LateralTables, turning_length};
+use super::profiles::{Family, LongitudinalProfile, ProfilePoint};
 use super::settings::FrenetSettings;
-use super::targets::Targets;
-use super::velocity_keeping_profiles::{CoarseSpeeds, N_MOTION, SIMD_POINTS, VelocityKeepingProfiles};
-use crate::barrier::Barriers;
+use crate::barrier::Barrier;
+use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
 
 /// Lateral polynomials of arc length extend over at least this distance [m]: a creeping agent plans further ahead than
@@ -23,301 +23,155 @@ pub(super) const ARC_MIN: f64 = 5.0;
 const TURNING_SPEED: f64 = 0.8;
 /// Speeds above minus this [m/s] count as 0.
 pub(super) const ROUNDING: f64 = 1e-3;
-/// Motions that stay away from the ends of the path by this are surely on it [m]: speeds that count as 0 may be negative.
-const PATH_END: f64 = 0.1;
+/// A speed below that for polynomials of time by no more than this [m/s] is rounded.
+const LOW_VELOCITY_ROUNDING: f64 = 1e-7;
 /// Decelerations of the braking profiles as fractions of the largest one.
 const BRAKING: [f64; 2] = [0.45, 0.9];
 /// End times of stops, as multiples of the time scale of the stop.
 const STOP_TIMES: [f64; 4] = [1.25, 1.6, 2.0, 2.4];
 
-/// What the samples are made from.
-#[derive(Clone, Copy)]
-pub(super) struct Inputs<'a> {
-    pub(super) start: &'a Start,
-    pub(super) targets: &'a Targets,
-    pub(super) limits: &'a Limits,
-    pub(super) settings: &'a FrenetSettings,
-    pub(super) path: &'a ReferencePath,
-}
-
-/// Numbers per point of a profile's path.
-const N_PATH: usize = 7;
-
-/// All samples of one plan; the memory is reused.
+/// All samples of one plan, numbered profile by profile, end offset by end offset; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SampleGrid {
     pub(super) n_points: usize,
-    /// Points of a profile with padding: a multiple of `SIMD_POINTS`; the last point is repeated.
-    pub(super) stride: usize,
-    pub(super) dt: f64,
     /// End positions [m], ascending.
     pub(super) end_offsets: Vec<f64>,
     pub(super) profiles: Vec<LongitudinalProfile>,
-    /// Least arc length of lateral polynomials of arc length [m].
-    pub(super) arc_min: f64,
-    /// Largest arc length that a sample has at each point [m], with padding.
-    pub(super) furthest: Vec<f64>,
     pub(super) lateral: LateralTables,
-    /// Speeds that the motions of families are made of are at most this and their end speed together [m/s].
-    pub(super) speed_scale: f64,
-    /// When the points are [s], with padding.
+    /// Least arc length of lateral polynomials of arc length [m].
+    arc_min: f64,
+    /// When the points are [s].
     times: Vec<f64>,
-    velocity_keeping: VelocityKeepingProfiles,
-    /// (profiles that were looked at, arc length and derivatives, points with padding)
-    motions: Vec<f64>,
-    /// (profiles that were looked at, what is known, points with padding)
-    path: Vec<f64>,
-    end_times: Vec<f64>,
-    velocities: Vec<f64>,
-    /// Of the profile at hand.
-    along: Vec<f64>,
-    jerks: Vec<f64>,
-    /// Arc lengths that no sample passes [m], and until when.
-    barriers: Barriers,
-    /// State of the start, as far as lateral motions need it.
-    start: [f64; 4],
-    is_free: bool,
+    /// (profiles, points)
+    motions: Vec<ProfilePoint>,
+    /// Of the end time at hand.
+    family: Vec<Family>,
 }
 
 impl SampleGrid {
-    /// All motions along the path, and the shared lateral motions.
-    pub(super) fn generate(&mut self, inputs: &Inputs) {
-        let Inputs { start, targets, limits, settings, .. } = *inputs;
-        self.dt = limits.dt;
+    /// All motions along the path, and all lateral motions.
+    pub(super) fn generate(&mut self, problem: &Problem) {
+        let Problem { start, targets, limits, settings, .. } = problem;
         self.n_points = limits.n_points;
-        self.stride = limits.n_points.next_multiple_of(SIMD_POINTS);
-        for buffer in [&mut self.end_offsets, &mut self.end_times, &mut self.velocities, &mut self.times] {
-            buffer.clear();
-        }
-        self.times.extend((0..self.stride).map(|i| i.min(self.n_points - 1) as f64 * self.dt));
+        self.times.clear();
+        self.times.extend((0..self.n_points).map(|i| i as f64 * limits.dt));
         self.profiles.clear();
-        self.velocity_keeping.clear(self.stride);
         self.motions.clear();
-        self.path.clear();
-        self.furthest.clear();
-        self.furthest.resize(self.stride, start.s);
-        self.lateral.clear((self.n_points, self.stride), targets.offset);
-        self.start = [start.s, start.d, start.d_prime, start.d_prime2];
-        self.is_free = start.steers_freely();
-        self.arc_min = arc_min(inputs);
-        self.barriers = targets.barriers;
-        end_times(settings, &mut self.end_times);
+        self.lateral.clear(self.n_points, targets.offset);
+        self.arc_min = arc_min(problem);
         end_offsets(settings, start.d, &mut self.end_offsets);
         insert(&mut self.end_offsets, 0.0);
         insert(&mut self.end_offsets, targets.offset);
-        end_velocities(start, targets.velocity, limits, settings, &mut self.velocities);
+        let mut velocities = end_velocities(start, targets.velocity, limits, settings);
         // No sample accelerates beyond the limit, not even to get out of another one's way.
         let most = targets.limit.max(targets.velocity).max(start.s_dot);
-        self.velocities.retain(|velocity| *velocity <= most + 1e-6);
-        let from = [start.s, start.s_dot, start.s_ddot];
-        self.speed_scale = start.s_dot.abs() + start.s_ddot.abs() * settings.horizon;
-        let along = limits.along_path(ROUNDING, settings.low_velocity);
-        let beside = beside(start);
-        for t in 0..self.end_times.len() {
-            let end_time = self.end_times[t];
-            let table = self.lateral.push_over_time(beside, end_time, &self.times, &self.end_offsets);
-            let family = self.velocity_keeping.push(from, end_time, &self.times);
-            let mut fastest = None;
-            for v in 0..self.velocities.len() {
-                if self.push_member((family, table), end_time, self.velocities[v], &along, inputs) {
-                    fastest = Some(self.velocities[v]);
-                }
-            }
-            if let Some(fastest) = fastest {
-                self.velocity_keeping.raise(family, fastest, &mut self.furthest);
-            }
+        velocities.retain(|velocity| *velocity <= most + 1e-6);
+        for end_time in end_times(settings) {
+            self.push_family(problem, end_time, &velocities);
         }
+        let from = [start.s, start.s_dot, start.s_ddot];
         for target in targets.stops.iter().flatten() {
             for factor in STOP_TIMES {
                 let end_time = (factor * stop_time_scale(target - start.s, start.s_dot)).max(settings.t_min);
                 let s = Polynomial::to_rest(from, *target, end_time);
-                self.push_stop(s, end_time, inputs);
+                let at = |time: f64| ProfilePoint::keeping_velocity(&s, (end_time, 0.0), time);
+                self.motions.extend(self.times.iter().map(|time| at(*time)));
+                let jerk = s.squared_jerk(end_time.min(limits.horizon())).sqrt();
+                self.push_alone(problem, end_time, jerk, s.at(end_time)[0] - start.s);
             }
         }
         for fraction in BRAKING {
-            self.push_braking(Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max), inputs);
+            let braking = Braking::new(start.s_dot, start.s_ddot, fraction * limits.acceleration_max);
+            let at = |time: f64| {
+                let [distance, s_dot, s_ddot, jerk] = braking.at(time);
+                ProfilePoint { s: start.s + distance, s_dot, s_ddot, jerk }
+            };
+            self.motions.extend(self.times.iter().map(|time| at(*time)));
+            let (end_time, jerk) = (braking.stop_time(), braking.squared_jerk(limits.horizon()).sqrt());
+            self.push_alone(problem, end_time, jerk, braking.at(end_time)[0]);
         }
     }
 
-    /// Adds the profile of a family that ends at a speed; says whether it is admissible.
-    fn push_member(
-        &mut self,
-        (family, table): (usize, usize),
-        end_time: f64,
-        end_velocity: f64,
-        along: &LongitudinalLimits,
-        inputs: &Inputs,
-    ) -> bool {
-        let Inputs { start, limits, settings, path, .. } = *inputs;
-        let found = self.velocity_keeping.check(family, end_velocity, along);
-        let s = Polynomial::to_slope([start.s, start.s_dot, start.s_ddot], end_velocity, end_time);
-        let is_slow = found.is_slow || start.velocity < settings.low_velocity;
-        self.profiles.push(LongitudinalProfile {
-            curve: ProfileCurve::Polynomial(s),
-            end_time,
-            end_velocity,
-            jerk: s.squared_jerk(end_time.min(limits.horizon())).sqrt(),
-            is_over_arc: is_slow,
-            table: (!is_slow).then_some(table),
-            rejection: Rejection::Admissible,
-            family: Some(family),
-            motion: None,
-            path: None,
-        });
-        // Where it is at the end is where it gets at most, if it never goes backwards; that is looked at below.
-        let place = |time: f64| s.at(end_time.min(time))[0] + end_velocity * (time - end_time.min(time));
-        if self.barriers.iter().any(|one| place(one.until.min(limits.horizon())) > one.s) {
-            self.profiles.last_mut().expect("it was pushed").rejection = Rejection::StopLine;
-            return false;
-        }
-        let stays = start.s >= PATH_END && place(limits.horizon()) <= path.length() - PATH_END;
-        if stays && !found.is_doubtful {
-            return true;
-        }
-        self.write_member(self.profiles.len() - 1);
-        self.check_last(inputs)
-    }
-
-    fn push_stop(&mut self, s: Polynomial, end_time: f64, inputs: &Inputs) {
-        let (stride, end, first) = (self.stride, s.at(end_time)[0], self.motions.len());
-        let out = push(&mut self.motions, N_MOTION * stride);
-        for (i, time) in self.times.iter().enumerate() {
-            let [place, speed, acceleration, _] =
-                if *time < end_time + 1e-9 { s.at(*time) } else { [end, 0.0, 0.0, 0.0] };
-            (out[i], out[stride + i], out[2 * stride + i]) = (place, speed, acceleration);
-        }
-        let jerk = s.squared_jerk(end_time.min(inputs.limits.horizon())).sqrt();
-        self.push_alone(ProfileCurve::Polynomial(s), end_time, jerk, first, inputs);
-    }
-
-    fn push_braking(&mut self, braking: Braking, inputs: &Inputs) {
-        let (stride, first) = (self.stride, self.motions.len());
-        let out = push(&mut self.motions, N_MOTION * stride);
-        for (i, time) in self.times.iter().enumerate() {
-            let [distance, s_dot, s_ddot, _] = braking.at(*time);
-            (out[i], out[stride + i], out[2 * stride + i]) = (inputs.start.s + distance, s_dot, s_ddot);
-        }
-        let jerk = braking.squared_jerk(inputs.limits.horizon()).sqrt();
-        self.push_alone(ProfileCurve::Braking(braking), braking.stop_time(), jerk, first, inputs);
-    }
-
-    /// Adds a profile without family that ends at rest and whose motion is written already.
-    fn push_alone(&mut self, curve: ProfileCurve, end_time: f64, jerk: f64, motion: usize, inputs: &Inputs) {
-        self.profiles.push(LongitudinalProfile {
-            curve,
-            end_time,
-            end_velocity: 0.0,
-            jerk,
-            is_over_arc: true,
-            table: None,
-            rejection: Rejection::Admissible,
-            family: None,
-            motion: Some(motion),
-            path: None,
-        });
-        if self.check_last(inputs) {
-            for (furthest, s) in self.furthest.iter_mut().zip(&self.motions[motion..motion + self.stride]) {
-                *furthest = furthest.max(*s);
-            }
-        }
-    }
-
-    /// Checks the last profile, whose motion was written last, and makes its speeds non-negative.
-    fn check_last(&mut self, inputs: &Inputs) -> bool {
-        let Inputs { limits, path, .. } = *inputs;
-        let profile = self.profiles.last_mut().expect("a profile");
-        let first = self.motions.len() - N_MOTION * self.stride;
-        let (s, rest) = self.motions[first..].split_at_mut(self.stride);
-        let (s_dot, s_ddot) = rest.split_at_mut(self.stride);
-        for i in 0..self.n_points {
-            if s_dot[i] < -ROUNDING {
-                profile.rejection = Rejection::NegativeSpeed;
-            }
-            profile.rejection = profile.rejection.or(limits.check_along_path(s_dot[i].max(0.0), s_ddot[i], i));
-            if self.barriers.iter().any(|one| s[i] > one.s && self.times[i] < one.until) {
-                profile.rejection = profile.rejection.or(Rejection::StopLine);
-            }
-            if !(0.0..=path.length()).contains(&s[i]) {
-                profile.rejection = profile.rejection.or(Rejection::LeftPath);
-            }
-            if profile.rejection != Rejection::Admissible {
-                break;
-            }
-        }
-        not_negative(s_dot);
-        profile.rejection == Rejection::Admissible
-    }
-
-    /// Writes the motion of a profile of a family.
-    fn write_member(&mut self, profile: usize) {
-        let LongitudinalProfile { family, end_velocity, .. } = self.profiles[profile];
-        self.profiles[profile].motion = Some(self.motions.len());
-        let out = push(&mut self.motions, N_MOTION * self.stride);
-        self.velocity_keeping.write(family.expect("a family"), end_velocity, out);
-    }
-
-    /// Writes the motion of a profile when it is first needed.
-    pub(super) fn load_motion(&mut self, profile: usize) {
-        if self.profiles[profile].motion.is_none() {
+    /// Adds the profiles that reach the speeds at a time.
+    fn push_family(&mut self, problem: &Problem, end_time: f64, velocities: &[f64]) {
+        let Problem { start, targets, limits, settings, .. } = problem;
+        let from = [start.s, start.s_dot, start.s_ddot];
+        let shared = self.lateral.push_over_time(beside(start), end_time, &self.times, &self.end_offsets);
+        self.family.clear();
+        self.family.extend(Family::along(from, end_time, &self.times));
+        for end_velocity in velocities.iter().copied() {
+            let s = Polynomial::to_slope(from, end_velocity, end_time);
             let first = self.motions.len();
-            self.write_member(profile);
-            not_negative(&mut self.motions[first + self.stride..first + 2 * self.stride]);
+            for (family, time) in self.family.iter().zip(&self.times) {
+                let jerk = if *time < end_time + 1e-9 { s.at(*time)[3] } else { 0.0 };
+                self.motions.push(family.member(end_velocity, jerk));
+            }
+            let is_slow = |point: &ProfilePoint| point.s_dot < settings.low_velocity - LOW_VELOCITY_ROUNDING;
+            let is_over_arc = start.velocity < settings.low_velocity || self.motions[first..].iter().any(is_slow);
+            // Where it is at the end is where it gets at most, if it never goes backwards; that is looked at below.
+            let place = |time: f64| s.at(end_time.min(time))[0] + end_velocity * (time - end_time.min(time));
+            let is_beyond = |one: &Barrier| place(one.until.min(limits.horizon())) > one.s;
+            let checked = self.check_last(problem);
+            let rejection = if targets.barriers.iter().any(is_beyond) { Rejection::StopLine } else { checked };
+            let profile = LongitudinalProfile {
+                end_time,
+                end_velocity,
+                jerk: s.squared_jerk(end_time.min(limits.horizon())).sqrt(),
+                is_over_arc,
+                table: shared,
+                rejection,
+            };
+            self.push(problem, profile, s.at(end_time)[0] - start.s);
         }
     }
 
-    /// The table of a profile's lateral motion, which is made if it is not there yet.
+    /// Adds a profile that ends at rest and whose motion was written last.
+    fn push_alone(&mut self, problem: &Problem, end_time: f64, jerk: f64, distance: f64) {
+        let rejection = self.check_last(problem);
+        let profile = LongitudinalProfile { end_time, end_velocity: 0.0, jerk, is_over_arc: true, table: 0, rejection };
+        self.push(problem, profile, distance);
+    }
+
+    /// Adds a profile whose motion was written last, with its lateral motions if they are its own: polynomials of arc length
+    /// over the distance that it has made at its end.
     ///
     /// An agent that stands turns its wheels before it drives off: the second derivative of its offset is free.
-    pub(super) fn lateral_table(&mut self, profile: usize) -> usize {
-        if let Some(table) = self.profiles[profile].table {
-            return table;
+    fn push(&mut self, problem: &Problem, profile: LongitudinalProfile, distance: f64) {
+        let Problem { start, limits, .. } = problem;
+        let mut table = profile.table;
+        if profile.is_over_arc {
+            let from = [start.d, start.d_prime, start.d_prime2];
+            let motion = &self.motions[self.motions.len() - self.n_points..];
+            let beside = (start.s, &self.end_offsets[..]);
+            let is_free = start.steers_freely();
+            let length = distance.max(self.arc_min);
+            table = self.lateral.push_over_arc(from, is_free, length, (motion, limits.dt), beside);
         }
-        self.load_motion(profile);
-        let LongitudinalProfile { curve, end_time, motion, .. } = self.profiles[profile];
-        let [start, d, d_prime, d_prime2] = self.start;
-        let (s, rest) = self.motions[motion.expect("it is loaded")..][..N_MOTION * self.stride].split_at(self.stride);
-        let (s_dot, s_ddot) = rest.split_at(self.stride);
-        self.along.clear();
-        self.jerks.clear();
-        for (s, time) in s.iter().zip(&self.times) {
-            self.along.push(s - start);
-            self.jerks.push(match curve {
-                ProfileCurve::Polynomial(s) if *time < end_time + 1e-9 => s.at(*time)[3],
-                ProfileCurve::Polynomial(_) => 0.0,
-                ProfileCurve::Braking(braking) => braking.at(*time)[3],
-            });
-        }
-        let motion = LongitudinalMotion { s: &self.along, s_dot, s_ddot, jerk: &self.jerks };
-        let length = self.lateral_length(profile);
-        let from = [d, d_prime, d_prime2];
-        let table = self.lateral.push_over_arc(from, self.is_free, length, &motion, self.dt, &self.end_offsets);
-        self.profiles[profile].table = Some(table);
-        table
+        self.profiles.push(LongitudinalProfile { table, ..profile });
     }
 
-    /// Arc length over which a lateral polynomial of arc length extends [m].
-    fn lateral_length(&self, profile: usize) -> f64 {
-        let LongitudinalProfile { curve, end_time, .. } = self.profiles[profile];
-        let distance = match curve {
-            ProfileCurve::Polynomial(s) => s.at(end_time)[0] - self.start[0],
-            ProfileCurve::Braking(braking) => braking.at(end_time)[0],
-        };
-        distance.max(self.arc_min)
-    }
-
-    /// Bounds of a lateral motion that is not made yet, whatever the end offset: of its offset [m] and of its slope.
-    ///
-    /// A quintic from (d, d', d'') to rest after L is d plus the way to its end times a function that rises from 0 to 1
-    /// with a slope of at most 15 / (8 L), plus L d' and L² d'' times functions below 0.2 and 0.018, whose slopes times
-    /// L are at most 1 and 0.07. Where d'' is free, the bounds are smaller.
-    pub(super) fn lateral_bounds(&self, profile: usize) -> [f64; 2] {
-        let [_, d, d_prime, d_prime2] = self.start;
-        let length = self.lateral_length(profile);
-        let (first, last) = (self.end_offsets[0], self.end_offsets[self.end_offsets.len() - 1]);
-        let widest = first.abs().max(last.abs()).max(d.abs());
-        let way = (first - d).abs().max((last - d).abs());
-        let bend = length * d_prime2.abs();
-        [widest + length * (0.2 * d_prime.abs() + 0.018 * bend), 1.875 * way / length + d_prime.abs() + 0.07 * bend]
+    /// Checks the motion that was written last, and makes its speeds non-negative.
+    fn check_last(&mut self, problem: &Problem) -> Rejection {
+        let (limits, barriers) = (&problem.limits, &problem.targets.barriers);
+        let on_path = 0.0..=problem.request.route.path.length();
+        let first = self.motions.len() - self.n_points;
+        let mut points = self.motions[first..].iter().zip(&self.times).enumerate();
+        let found = points.find_map(|(i, (point, time))| {
+            let of_limits = limits.check_along_path(point.s_dot.max(0.0), point.s_ddot, i);
+            if point.s_dot < -ROUNDING {
+                Some(Rejection::NegativeSpeed)
+            } else if of_limits != Rejection::Admissible {
+                Some(of_limits)
+            } else if barriers.iter().any(|one| point.s > one.s && *time < one.until) {
+                Some(Rejection::StopLine)
+            } else {
+                (!on_path.contains(&point.s)).then_some(Rejection::LeftPath)
+            }
+        });
+        for point in &mut self.motions[first..] {
+            point.s_dot = if point.s_dot > 0.0 { point.s_dot } else { 0.0 };
+        }
+        found.unwrap_or(Rejection::Admissible)
     }
 
     /// Number of samples.
@@ -325,61 +179,43 @@ impl SampleGrid {
         self.profiles.len() * self.end_offsets.len()
     }
 
-    /// Motion of a profile at all points after `load_motion`.
-    pub(super) fn motions(&self, profile: usize) -> ProfilePoints<'_> {
-        let first = self.profiles[profile].motion.expect("the motion was written");
-        let part = |k: usize| &self.motions[first + k * self.stride..][..self.stride];
-        ProfilePoints { s: part(0), s_dot: part(1), s_ddot: part(2) }
+    /// Profile and end offset of a sample.
+    pub(super) fn cell(&self, sample: usize) -> (usize, f64) {
+        let n_offsets = self.end_offsets.len();
+        (sample / n_offsets, self.end_offsets[sample % n_offsets])
     }
 
-    /// Speeds of a profile that belongs to a family, whether it is written or not.
-    #[inline]
-    pub(super) fn coarse_speeds(&self, profile: usize) -> Option<CoarseSpeeds<'_>> {
-        let LongitudinalProfile { family, end_velocity, .. } = &self.profiles[profile];
-        family.map(|family| self.velocity_keeping.speeds(family, *end_velocity))
+    /// Motion of a profile at all points.
+    pub(super) fn motion(&self, profile: usize) -> &[ProfilePoint] {
+        &self.motions[profile * self.n_points..][..self.n_points]
     }
 
-    /// Arc length of a profile at the end of the horizon [m].
-    #[inline]
-    pub(super) fn last_place(&self, profile: usize) -> f64 {
-        let (last, LongitudinalProfile { family, end_velocity, .. }) = (self.n_points - 1, &self.profiles[profile]);
-        family.map_or_else(
-            || self.motions(profile).s[last],
-            |family| self.velocity_keeping.arc_length(family, *end_velocity, last),
-        )
+    /// Lateral motions of a profile at all points.
+    pub(super) fn beside(&self, profile: usize) -> &[LateralPoint] {
+        self.lateral.points(self.profiles[profile].table)
     }
 
-    /// Looks up the path points of a profile when they are first needed.
-    pub(super) fn load_path(&mut self, profile: usize, path: &ReferencePath) {
-        if self.profiles[profile].path.is_some() {
-            return;
+    /// A circle that holds the rear axles of all admissible samples at a point: its centre and radius [m]. All places on a
+    /// stretch of the path are within half of its length of its middle.
+    pub(super) fn reach(&self, i: usize, path: &ReferencePath) -> (Point, f64) {
+        let admissible = |profile: &usize| self.profiles[*profile].rejection == Rejection::Admissible;
+        let places = (0..self.profiles.len()).filter(admissible).map(|profile| self.motion(profile)[i].s);
+        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (s.min(low), s.max(high)));
+        let outer = [self.end_offsets[0], self.end_offsets[self.end_offsets.len() - 1]];
+        (path.at(0.5 * (low + high)).position, 0.5 * (high - low) + self.lateral.widest(i, outer))
+    }
+
+    /// Arc length, and place in the frame of the path, of a sample at a point.
+    pub(super) fn at(&self, sample: usize, i: usize) -> (f64, FrenetPoint) {
+        let (profile, end_offset) = self.cell(sample);
+        let ProfilePoint { s, s_dot, s_ddot, .. } = self.motion(profile)[i];
+        let [d, mut d_prime, mut d_prime2] = self.beside(profile)[i].to(end_offset);
+        if !self.profiles[profile].is_over_arc {
+            let per_speed = 1.0 / s_dot;
+            d_prime *= per_speed;
+            d_prime2 = (d_prime2 - d_prime * s_ddot) * (per_speed * per_speed);
         }
-        self.load_motion(profile);
-        let stride = self.stride;
-        let s = &self.motions[self.profiles[profile].motion.expect("it is loaded")..][..stride];
-        self.profiles[profile].path = Some(self.path.len());
-        let mut parts = push(&mut self.path, N_PATH * stride).chunks_exact_mut(stride);
-        path.write_at(s, std::array::from_fn(|_| parts.next().expect("room for all of them")));
-    }
-
-    /// Path points of a profile after `load_path`.
-    pub(super) fn path(&self, profile: usize) -> PathPoints<'_> {
-        let first = self.profiles[profile].path.expect("the path was looked up");
-        let part = |k: usize| &self.path[first + k * self.stride..][..self.stride];
-        PathPoints {
-            x: part(0),
-            y: part(1),
-            theta: part(2),
-            cos: part(3),
-            sin: part(4),
-            curvature: part(5),
-            curvature_rate: part(6),
-        }
-    }
-
-    /// Lateral motion of a profile at all points after `lateral_table`.
-    pub(super) fn lateral_points(&self, profile: usize) -> LateralPoints<'_> {
-        self.lateral.points(self.profiles[profile].table.expect("the lateral motion is there"))
+        (s, FrenetPoint { s_dot, s_ddot, d, d_prime, d_prime2 })
     }
 }
 
@@ -390,47 +226,23 @@ fn beside(start: &Start) -> [f64; 3] {
 }
 
 /// Least arc length of lateral polynomials of arc length [m].
-fn arc_min(inputs: &Inputs) -> f64 {
-    let Inputs { start, targets, limits, settings, .. } = *inputs;
+fn arc_min(problem: &Problem) -> f64 {
+    let Problem { start, targets, limits, settings, .. } = problem;
     if start.velocity >= settings.low_velocity {
         return ARC_MIN;
     }
     let velocity = TURNING_SPEED * start.velocity.max(targets.velocity);
-    turning_length(
-        [start.d - targets.offset, start.d_prime, start.d_prime2],
-        limits.curvature_rate() / velocity,
-        ARC_MIN,
-    )
-}
-
-/// Room for `n` more numbers.
-fn push(buffer: &mut Vec<f64>, n: usize) -> &mut [f64] {
-    let first = buffer.len();
-    buffer.resize(first + n, 0.0);
-    &mut buffer[first..]
-}
-
-/// Speeds slightly below 0 become 0.
-fn not_negative(speeds: &mut [f64]) {
-    for speed in speeds {
-        *speed = if *speed > 0.0 { *speed } else { 0.0 };
-    }
+    let from = [start.d - targets.offset, start.d_prime, start.d_prime2];
+    turning_length(from, limits.curvature_rate() / velocity, ARC_MIN)
 }
 
 /// 1.1 s, 1.4 s, ... and the horizon; the steps depend on the level.
-fn end_times(settings: &FrenetSettings, out: &mut Vec<f64>) {
+fn end_times(settings: &FrenetSettings) -> impl Iterator<Item = f64> {
     /// By level [s]; 0.3 s is that of the published planner.
     const STEPS: [f64; 5] = [1.0, 0.5, 0.3, 0.2, 0.2];
-    let step = STEPS[settings.level.min(4)];
-    out.extend((0..).map(|k| settings.t_min + f64::from(k) * step).take_while(|t| *t < settings.horizon - 1e-6));
-    out.push(settings.horizon);
-}
-
-/// Evenly spaced values, ends included, and one more; ascending.
-fn grid(low: f64, high: f64, level: usize, extra: f64, out: &mut Vec<f64>) {
-    let n = 2_usize << level;
-    out.extend((0..=n).map(|i| low + (high - low) * i as f64 / n as f64));
-    insert(out, extra);
+    let FrenetSettings { t_min, horizon, level, .. } = *settings;
+    let times = (0..).map(move |k| t_min + f64::from(k) * STEPS[level.min(4)]);
+    times.take_while(move |time| *time < horizon - 1e-6).chain([horizon])
 }
 
 /// Lateral end positions, closer to each other near the path, and one more; ascending: 0, 0.19, 0.75, 1.69 and 3 m to
@@ -438,6 +250,7 @@ fn grid(low: f64, high: f64, level: usize, extra: f64, out: &mut Vec<f64>) {
 fn end_offsets(settings: &FrenetSettings, extra: f64, out: &mut Vec<f64>) {
     let n = 1_i32 << settings.level;
     let share = |i: i32| f64::from(i) / f64::from(n);
+    out.clear();
     out.extend((-n..=n).map(|i| settings.d_max * share(i) * share(i).abs()));
     insert(out, extra);
 }
@@ -451,20 +264,21 @@ fn insert(values: &mut Vec<f64>, value: f64) {
     }
 }
 
-/// From standstill or the hardest braking to a brisk acceleration; the present speed; and the desired speed in the
+/// Evenly from standstill or the hardest braking to a brisk acceleration; the present speed; and the desired speed in the
 /// place of the inner grid value next to it.
-fn end_velocities(start: &Start, desired: f64, limits: &Limits, settings: &FrenetSettings, out: &mut Vec<f64>) {
+fn end_velocities(start: &Start, desired: f64, limits: &Limits, settings: &FrenetSettings) -> Vec<f64> {
     let low = (start.velocity - settings.horizon * limits.acceleration_max).max(0.0);
     let high = (start.velocity + settings.horizon * limits.acceleration_max / 6.0)
         .min(limits.velocity_max.max(start.velocity));
-    grid(low, high, settings.level, low, out);
-    let inner = out.len() - 1;
+    let n = 2_usize << settings.level;
+    let mut out: Vec<f64> = (0..=n).map(|i| low + (high - low) * i as f64 / n as f64).collect();
     let is_new = (desired - start.s_dot).abs() > 1e-6;
-    if is_new && desired > low && desired < high && inner > 1 {
-        let nearest = ((desired - low) / (high - low) * inner as f64).round() as usize;
-        out[nearest.clamp(1, inner - 1)] = desired;
+    if is_new && desired > low && desired < high {
+        let nearest = ((desired - low) / (high - low) * n as f64).round() as usize;
+        out[nearest.clamp(1, n - 1)] = desired;
     }
-    insert(out, start.s_dot);
+    insert(&mut out, start.s_dot);
+    out
 }
 
 /// Natural time of a stop: distance over speed, or for a slow agent that of a gentle move from rest to rest.
@@ -474,4 +288,54 @@ fn stop_time_scale(distance: f64, s_dot: f64) -> f64 {
     // A quintic from rest to rest reaches 5.77 distance / time² in acceleration.
     let from_rest = (5.77 * distance / GENTLE).sqrt() / STOP_TIMES[1];
     if s_dot > 0.0 { (distance / s_dot).min(from_rest) } else { from_rest }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::random_drive;
+    use super::*;
+    use crate::geometry::shape::Lcg;
+
+    #[test]
+    fn no_admissible_sample_is_out_of_reach() {
+        let (mut random, mut samples, mut n_points) = (Lcg::new(31), SampleGrid::default(), 0);
+        for _ in 0..60 {
+            let settings = FrenetSettings { d_max: random.within(0.5, 8.0), ..FrenetSettings::default() };
+            random_drive(&mut random).with_request(|request| {
+                let Ok(problem) = Problem::new(request, &settings) else { return };
+                samples.generate(&problem);
+                let path = &request.route.path;
+                for i in 0..samples.n_points {
+                    let (center, radius) = samples.reach(i, path);
+                    for sample in 0..samples.len() {
+                        if samples.profiles[samples.cell(sample).0].rejection == Rejection::Admissible {
+                            let (s, frenet) = samples.at(sample, i);
+                            let distance = path.at(s).offset(frenet.d).distance(center);
+                            assert!(distance <= radius + 0.01, "{distance} of {radius} m");
+                            n_points += 1;
+                        }
+                    }
+                }
+            });
+        }
+        assert!(n_points > 100_000, "{n_points}");
+    }
+
+    #[test]
+    fn profiles_over_time_stay_above_the_low_velocity() {
+        let (mut random, mut samples, mut n_over_arc) = (Lcg::new(17), SampleGrid::default(), 0);
+        for _ in 0..60 {
+            let settings = FrenetSettings::default();
+            random_drive(&mut random).with_request(|request| {
+                let Ok(problem) = Problem::new(request, &settings) else { return };
+                samples.generate(&problem);
+                for (index, profile) in samples.profiles.iter().enumerate() {
+                    let slowest = samples.motion(index).iter().map(|point| point.s_dot).fold(f64::INFINITY, f64::min);
+                    assert!(slowest >= 0.0 && (profile.is_over_arc || slowest > 2.0 - 1e-6), "{slowest} m/s");
+                    n_over_arc += usize::from(profile.is_over_arc);
+                }
+            });
+        }
+        assert!(n_over_arc > 500, "{n_over_arc}");
+    }
 }

@@ -1,90 +1,110 @@
-//! Lateral motion: quintics of time or of arc length that come to rest at an end offset. They are
-//! linear in their end value: value and two derivatives are `home + end_offset step`, where `home` ends at 0 and `step` goes
-//! from 0 to 1.
-
-use std::ops::Range;
+//! Lateral motion: quintics of time or of arc length that come to rest at an end offset. They are linear in their end value:
+//! value and two derivatives are `home + end_offset step`, where `home` ends at 0 and `step` goes from 0 to 1.
 
 use super::super::polynomial::Polynomial;
-use crate::simd::multiversion;
+use super::profiles::ProfilePoint;
 
-/// Numbers per point: value and two derivatives of home, then of step.
-pub(super) const N_PARTS: usize = 6;
+/// Offset and two derivatives at one point, as parts of a motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct LateralPoint {
+    pub(super) home: [f64; 3],
+    pub(super) step: [f64; 3],
+}
+
+impl LateralPoint {
+    /// Offset and two derivatives of the motion that ends at an offset.
+    #[inline]
+    pub(super) fn to(&self, end_offset: f64) -> [f64; 3] {
+        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
+        [h0 + end_offset * s0, h1 + end_offset * s1, h2 + end_offset * s2]
+    }
+}
+
+/// The two polynomials that a lateral motion is made of, and where they have arrived.
+#[derive(Debug, Clone, Copy)]
+struct Parts {
+    home: Polynomial,
+    step: Polynomial,
+    end: f64,
+}
+
+impl Parts {
+    fn at(&self, x: f64) -> LateralPoint {
+        if x < self.end {
+            let ([h0, h1, h2, _], [s0, s1, s2, _]) = (self.home.at(x), self.step.at(x));
+            LateralPoint { home: [h0, h1, h2], step: [s0, s1, s2] }
+        } else {
+            LateralPoint { home: [0.0; 3], step: [1.0, 0.0, 0.0] }
+        }
+    }
+
+    /// Third derivatives by time of both, for polynomials of arc length: d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot.
+    fn jerks(&self, along: f64, motion: &ProfilePoint) -> [f64; 2] {
+        let ProfilePoint { s_dot, s_ddot, jerk, .. } = *motion;
+        [self.home, self.step].map(|part| {
+            let d = part.at(along);
+            let rate = (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
+            if along < self.end { rate } else { 0.0 }
+        })
+    }
+}
+
+/// A weighted sum of (a + end_offset b)², for any end offset.
+#[derive(Debug, Clone, Copy, Default)]
+struct SummedSquares {
+    constant: f64,
+    linear: f64,
+    square: f64,
+}
+
+impl SummedSquares {
+    fn add(&mut self, weight: f64, [a, b]: [f64; 2]) {
+        self.constant += weight * a * a;
+        self.linear += weight * 2.0 * a * b;
+        self.square += weight * b * b;
+    }
+
+    fn root(&self, end_offset: f64) -> f64 {
+        (self.constant + end_offset * (self.linear + end_offset * self.square)).max(0.0).sqrt()
+    }
+}
 
 /// Tables of lateral motions; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LateralTables {
-    /// (tables, parts, points with padding)
-    points: Vec<f64>,
+    /// (tables, points)
+    points: Vec<LateralPoint>,
     /// Root of the integral of the squared lateral jerk over the horizon; (tables, end offsets).
     pub(super) jerk: Vec<f64>,
     /// Root of the summed squares of the last half of the offsets from where the agent wants to be; (tables, end offsets).
     pub(super) offset: Vec<f64>,
-    stride: usize,
     n_points: usize,
     /// Offset where the agent wants to be [m].
     desired: f64,
-    /// Third derivatives of home and step by time.
-    rates: [Vec<f64>; 2],
-}
-
-/// One table: for every point, value and two derivatives.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LateralPoints<'a> {
-    pub(super) home: [&'a [f64]; 3],
-    pub(super) step: [&'a [f64]; 3],
-}
-
-impl<'a> LateralPoints<'a> {
-    /// Offset and two derivatives.
-    #[inline(always)]
-    pub(super) fn at(&self, point: usize, end_offset: f64) -> [f64; 3] {
-        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
-        [h0[point] + end_offset * s0[point], h1[point] + end_offset * s1[point], h2[point] + end_offset * s2[point]]
-    }
-
-    /// Some points.
-    #[inline(always)]
-    pub(super) fn cut(&self, range: Range<usize>) -> Self {
-        let ([h0, h1, h2], [s0, s1, s2]) = (self.home, self.step);
-        let cut = |part: &'a [f64]| &part[range.clone()];
-        Self { home: [cut(h0), cut(h1), cut(h2)], step: [cut(s0), cut(s1), cut(s2)] }
-    }
-}
-
-/// A motion along the path at all points, relative to its start: arc length, speed, acceleration, jerk.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LongitudinalMotion<'a> {
-    pub(super) s: &'a [f64],
-    pub(super) s_dot: &'a [f64],
-    pub(super) s_ddot: &'a [f64],
-    pub(super) jerk: &'a [f64],
 }
 
 impl LateralTables {
-    /// Begins anew, for plans of so many points in tables of `stride`, of an agent that wants to be at an offset [m].
-    pub(super) fn clear(&mut self, (n_points, stride): (usize, usize), desired: f64) {
+    /// Begins anew, for plans of so many points of an agent that wants to be at an offset [m].
+    pub(super) fn clear(&mut self, n_points: usize, desired: f64) {
         self.points.clear();
         self.jerk.clear();
         self.offset.clear();
-        (self.n_points, self.stride, self.desired) = (n_points, stride, desired);
-        for rates in &mut self.rates {
-            rates.clear();
-            rates.resize(stride, 0.0);
-        }
-    }
-
-    /// Number of tables.
-    pub(super) fn len(&self) -> usize {
-        self.points.len() / (N_PARTS * self.stride).max(1)
+        (self.n_points, self.desired) = (n_points, desired);
     }
 
     /// A table.
-    pub(super) fn points(&self, table: usize) -> LateralPoints<'_> {
-        let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.stride];
-        LateralPoints { home: [part(0), part(1), part(2)], step: [part(3), part(4), part(5)] }
+    pub(super) fn points(&self, table: usize) -> &[LateralPoint] {
+        &self.points[table * self.n_points..][..self.n_points]
     }
 
-    /// Adds quintics of time from a state that arrive at `end_time`.
+    /// Furthest from the path at a point, for some end offsets [m].
+    pub(super) fn widest(&self, i: usize, end_offsets: [f64; 2]) -> f64 {
+        let points = self.points.iter().skip(i).step_by(self.n_points);
+        let offsets = points.flat_map(|point| end_offsets.map(|end_offset| point.to(end_offset)[0].abs()));
+        offsets.fold(0.0, f64::max)
+    }
+
+    /// Adds quintics of time from a state that arrive at `end_time`; the number of the table.
     pub(super) fn push_over_time(
         &mut self,
         from: [f64; 3],
@@ -94,30 +114,22 @@ impl LateralTables {
     ) -> usize {
         let home = Polynomial::to_rest(from, 0.0, end_time);
         let step = Polynomial::to_rest([0.0; 3], 1.0, end_time);
-        let table = self.push();
-        let points = &mut self.points[table * N_PARTS * self.stride..];
-        write_parts((&home, &step), times, end_time + 1e-9, points);
-        for end_offset in end_offsets {
+        self.jerk.extend(end_offsets.iter().map(|end_offset| {
             let polynomial = Polynomial { c: std::array::from_fn(|k| home.c[k] + end_offset * step.c[k]) };
-            self.jerk.push(polynomial.squared_jerk(end_time).max(0.0).sqrt());
-        }
-        self.sum_offsets(table, end_offsets);
-        table
+            polynomial.squared_jerk(end_time).max(0.0).sqrt()
+        }));
+        self.push(&Parts { home, step, end: end_time + 1e-9 }, times.iter().copied(), end_offsets)
     }
 
-    /// Adds polynomials of arc length that arrive after `length`, for a motion along the path. Their second derivative
-    /// at the start may be free.
-    ///
-    /// The lateral jerk is d''' s_dot³ + 3 d'' s_dot s_ddot + d' s_dddot, integrated by the trapezoidal rule; linear in
-    /// the end position like d itself.
+    /// Adds polynomials of arc length that arrive after `length`, for a motion along the path with points `dt` apart. Their
+    /// second derivative at the start may be free. Jerks are integrated by the trapezoidal rule.
     pub(super) fn push_over_arc(
         &mut self,
         [d, d_1, d_2]: [f64; 3],
         is_free: bool,
         length: f64,
-        motion: &LongitudinalMotion,
-        dt: f64,
-        end_offsets: &[f64],
+        (motion, dt): (&[ProfilePoint], f64),
+        (start, end_offsets): (f64, &[f64]),
     ) -> usize {
         let polynomial = |[d, d_1, d_2]: [f64; 3], end: f64| {
             if is_free {
@@ -126,48 +138,25 @@ impl LateralTables {
                 Polynomial::to_rest([d, d_1, d_2], end, length)
             }
         };
-        let home = polynomial([d, d_1, d_2], 0.0);
-        let step = polynomial([0.0; 3], 1.0);
-        let table = self.push();
-        let points = &mut self.points[table * N_PARTS * self.stride..];
-        // A point at the full length has arrived.
-        write_parts((&home, &step), motion.s, length, points);
-        write_rates((&home, &step), motion, length, &mut self.rates);
-        let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
-        for (i, (a, b)) in self.rates[0].iter().zip(&self.rates[1]).take(self.n_points).enumerate() {
+        let parts = Parts { home: polynomial([d, d_1, d_2], 0.0), step: polynomial([0.0; 3], 1.0), end: length };
+        let mut jerks = SummedSquares::default();
+        for (i, point) in motion.iter().enumerate() {
             let weight = if i == 0 || i + 1 == self.n_points { 0.5 * dt } else { dt };
-            constant += weight * a * a;
-            linear += weight * 2.0 * a * b;
-            square += weight * b * b;
+            jerks.add(weight, parts.jerks(point.s - start, point));
         }
-        for end_offset in end_offsets {
-            self.jerk.push((constant + end_offset * (linear + end_offset * square)).max(0.0).sqrt());
-        }
-        self.sum_offsets(table, end_offsets);
-        table
+        self.jerk.extend(end_offsets.iter().map(|end_offset| jerks.root(*end_offset)));
+        self.push(&parts, motion.iter().map(|point| point.s - start), end_offsets)
     }
 
-    /// Room for one more table.
-    fn push(&mut self) -> usize {
-        let table = self.len();
-        self.points.resize((table + 1) * N_PARTS * self.stride, 0.0);
-        table
-    }
-
-    fn sum_offsets(&mut self, table: usize, end_offsets: &[f64]) {
-        let part = |k: usize| &self.points[(table * N_PARTS + k) * self.stride..][..self.n_points];
-        let last_half = self.n_points - self.n_points / 2;
-        // Sums of (home + end_offset step - desired offset)².
-        let (mut constant, mut linear, mut square) = (0.0, 0.0, 0.0);
-        for (home, step) in part(0)[last_half..].iter().zip(&part(3)[last_half..]) {
-            let home = home - self.desired;
-            constant += home * home;
-            linear += 2.0 * home * step;
-            square += step * step;
+    fn push(&mut self, parts: &Parts, at: impl Iterator<Item = f64>, end_offsets: &[f64]) -> usize {
+        let first = self.points.len();
+        self.points.extend(at.map(|x| parts.at(x)));
+        let mut sums = SummedSquares::default();
+        for point in &self.points[first + self.n_points - self.n_points / 2..] {
+            sums.add(1.0, [point.home[0] - self.desired, point.step[0]]);
         }
-        for end_offset in end_offsets {
-            self.offset.push((constant + end_offset * (linear + end_offset * square)).max(0.0).sqrt());
-        }
+        self.offset.extend(end_offsets.iter().map(|end_offset| sums.root(*end_offset)));
+        first / self.n_points
     }
 }
 
@@ -189,55 +178,6 @@ pub(super) fn turning_length([d, d_1, d_2]: [f64; 3], rate: f64, least: f64) -> 
     length
 }
 
-multiversion! {
-    /// Value and two derivatives of both polynomials below `end`, where they have arrived.
-    fn write_parts = parts_at, (polynomials: (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64])
-}
-
-#[inline(always)]
-fn parts_at((home, step): (&Polynomial, &Polynomial), at: &[f64], end: f64, out: &mut [f64]) {
-    let n = at.len();
-    let (h, s) = out[..N_PARTS * n].split_at_mut(3 * n);
-    for (polynomial, arrived, out) in [(home, 0.0, h), (step, 1.0, s)] {
-        let (value, rest) = out.split_at_mut(n);
-        let (first, second) = rest.split_at_mut(n);
-        for (((x, value), first), second) in at.iter().zip(value).zip(first).zip(second) {
-            let [p0, p1, p2, _] = polynomial.at(*x);
-            let moving = *x < end;
-            *value = if moving { p0 } else { arrived };
-            *first = if moving { p1 } else { 0.0 };
-            *second = if moving { p2 } else { 0.0 };
-        }
-    }
-}
-
-multiversion! {
-    /// Third derivatives by time of polynomials of arc length.
-    fn write_rates = rates_at, (
-        polynomials: (&Polynomial, &Polynomial),
-        motion: &LongitudinalMotion,
-        length: f64,
-        out: &mut [Vec<f64>; 2],
-    )
-}
-
-#[inline(always)]
-fn rates_at(
-    (home, step): (&Polynomial, &Polynomial),
-    motion: &LongitudinalMotion,
-    length: f64,
-    out: &mut [Vec<f64>; 2],
-) {
-    let LongitudinalMotion { s, s_dot, s_ddot, jerk } = *motion;
-    for (polynomial, out) in [home, step].into_iter().zip(out) {
-        for ((((s, s_dot), s_ddot), jerk), out) in s.iter().zip(s_dot).zip(s_ddot).zip(jerk).zip(out.iter_mut()) {
-            let d = polynomial.at(*s);
-            let rate = (d[3] * s_dot * s_dot + 3.0 * d[2] * s_ddot) * s_dot + d[1] * jerk;
-            *out = if *s < length { rate } else { 0.0 };
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -252,11 +192,8 @@ mod tests {
             let length = turning_length(start, rate, 5.0);
             assert!(ends(length) <= rate && ends(length / 1.1) > rate, "{start:?}: {length} m");
         }
-    }
-
-    #[test]
-    fn on_the_path_turns_have_the_least_length() {
-        assert_eq!(turning_length([0.0; 3], 0.1, 5.0), 5.0);
-        assert_eq!(turning_length([2.0, 0.3, 0.1], f64::INFINITY, 5.0), 5.0);
+        for (start, rate) in [([0.0; 3], 0.1), ([2.0, 0.3, 0.1], f64::INFINITY)] {
+            assert_eq!(turning_length(start, rate, 5.0), 5.0);
+        }
     }
 }

@@ -15,45 +15,31 @@ mod settings;
 mod targets;
 mod feasibility;
 mod profiles;
-mod velocity_keeping_profiles;
 mod lateral;
 mod grid;
-mod cartesian;
-mod terms;
 mod obstacles;
-mod cost_bounds;
 mod cost;
 mod search;
-mod evaluation;
 mod candidates;
 mod single;
 #[cfg(test)]
-pub(super) mod tests;
+mod tests;
 
 pub use candidates::Candidates;
 pub use feasibility::Rejection;
-pub(super) use obstacles::part_boxes;
 pub use settings::{CostWeights, FrenetSettings, N_TERMS};
 pub use single::FrenetTarget;
 
 use super::frame::{Start, Waypoint};
 use super::{PlanRequest, PlanResult, emergency_braking};
 use crate::trajectory::{State, Trajectory};
-use cost::TableCosts;
-use evaluation::{Evaluation, EvaluationMemory, Problem, Tables};
 use feasibility::Limits;
-use grid::{Inputs, SampleGrid};
-use obstacles::Obstacles;
+use search::{Evaluation, EvaluationMemory};
 use targets::Targets;
 
-/// Memory that plans reuse: after the first few plans nothing but the result is allocated. Holds no state: a plan does
-/// not depend on what was planned before with the same memory.
+/// Memory that plans reuse. Holds no state: a plan does not depend on what was planned before with the same memory.
 #[derive(Debug, Clone, Default)]
 pub struct FrenetMemory {
-    samples: SampleGrid,
-    costs: TableCosts,
-    obstacles: Obstacles,
-    queue: search::Queue,
     evaluation: EvaluationMemory,
     effort: usize,
     breakdown: CostBreakdown,
@@ -68,12 +54,6 @@ pub(crate) struct CostBreakdown {
     pub(crate) terms: Option<[f64; N_TERMS]>,
 }
 
-impl CostBreakdown {
-    fn record(&mut self, evaluation: &Evaluation, sample: usize) {
-        self.terms = self.enabled.then(|| evaluation.terms(sample));
-    }
-}
-
 impl FrenetMemory {
     /// The cost terms of the last plan, if `enabled`.
     pub(crate) fn breakdown(&mut self) -> &mut CostBreakdown {
@@ -86,6 +66,25 @@ impl FrenetMemory {
     }
 }
 
+/// What is to be planned.
+struct Problem<'a> {
+    request: &'a PlanRequest<'a>,
+    settings: &'a FrenetSettings,
+    start: Start,
+    limits: Limits,
+    targets: Targets,
+}
+
+impl<'a> Problem<'a> {
+    /// `Err` says why the agent cannot be described in the frame of its path.
+    fn new(request: &'a PlanRequest, settings: &'a FrenetSettings) -> Result<Self, String> {
+        let start = Start::new(request, knows_yaw_rate(request, settings.low_velocity))?;
+        let limits = Limits::new(request, n_points(request, settings), start.curvature);
+        let targets = Targets::new(request, &start, settings);
+        Ok(Self { request, settings, start, limits, targets })
+    }
+}
+
 /// The plan for a request: always a trajectory with a point every dt over the horizon, point 0 the present state. If no
 /// sample is admissible, the agent brakes (`emergency_braking`).
 pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut FrenetMemory) -> PlanResult {
@@ -95,34 +94,24 @@ pub fn plan(request: &PlanRequest, settings: &FrenetSettings, memory: &mut Frene
     if !request.state.is_finite() {
         return emergency_braking::refuse(request, n_points, "the present state is not a number".into());
     }
-    let start = match Start::new(request, knows_yaw_rate(request, settings.low_velocity)) {
-        Ok(start) => start,
+    let problem = match Problem::new(request, settings) {
+        Ok(problem) => problem,
         Err(reason) => {
             let reason = format!("the agent {reason}");
             return emergency_braking::without_plan(request, n_points, &reason);
         }
     };
-    let limits = Limits::new(request, n_points, start.curvature);
-    let targets = Targets::new(request, &start, settings);
-    let FrenetMemory { samples, costs, obstacles, queue, evaluation, effort, breakdown } = memory;
-    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles));
-    let problem = Problem { request, settings, limits: &limits };
-    let mut evaluation = Evaluation::new(problem, Tables { samples, costs, obstacles, memory: evaluation });
-    search::start(queue, evaluation.entries());
-    let choice = if settings.lazy {
-        search::best_first(queue, &mut evaluation)
-    } else {
-        search::exhaustive(queue, &mut evaluation)
-    };
-    *effort = evaluation.tables.memory.n_trajectories();
+    let mut evaluation = Evaluation::new(&problem, &mut memory.evaluation);
+    let choice = if settings.lazy { evaluation.best_first() } else { evaluation.exhaustive() };
+    memory.effort = evaluation.n_trajectories();
     let Some((sample, cost)) = choice else {
         let obstruction = Some(evaluation.obstruction());
         let braking = emergency_braking::last_resort(request, n_points, "no sample can be driven");
         return PlanResult { obstruction, ..braking };
     };
-    evaluation.write_if_drivable(sample);
-    breakdown.record(&evaluation, sample);
-    PlanResult::planned(trajectory(request, &start, evaluation.points()), cost)
+    evaluation.write(sample);
+    memory.breakdown.terms = memory.breakdown.enabled.then(|| evaluation.terms(sample));
+    PlanResult::planned(trajectory(request, &problem.start, evaluation.points()), cost)
 }
 
 /// The yaw rate of the present state is that of the vehicle. Recorded yaw rates of slow vehicles are mostly noise; the
@@ -138,35 +127,12 @@ fn n_points(request: &PlanRequest, settings: &FrenetSettings) -> usize {
 
 /// All samples for a request with their costs and the reasons of rejection. The choice is that of `plan`.
 pub fn candidates(request: &PlanRequest, settings: &FrenetSettings) -> Candidates {
-    let n_points = n_points(request, settings);
-    let is_known = request.state.is_finite();
-    let start = is_known.then(|| Start::new(request, knows_yaw_rate(request, settings.low_velocity)).ok()).flatten();
-    let Some(start) = start else {
+    let problem = request.state.is_finite().then(|| Problem::new(request, settings).ok()).flatten();
+    let Some(problem) = problem else {
+        let n_points = n_points(request, settings);
         return Candidates { n_points, desired_velocity: f64::NAN, ..Candidates::default() };
     };
-    let limits = Limits::new(request, n_points, start.curvature);
-    let targets = Targets::new(request, &start, settings);
-    let mut memory = FrenetMemory::default();
-    let FrenetMemory { samples, costs, obstacles, evaluation, .. } = &mut memory;
-    prepare(request, settings, (&start, &targets, &limits), (samples, costs, obstacles));
-    let problem = Problem { request, settings, limits: &limits };
-    Candidates::of(
-        &mut Evaluation::new(problem, Tables { samples, costs, obstacles, memory: evaluation }),
-        targets.velocity,
-    )
-}
-
-/// Everything that is shared by the samples.
-fn prepare(
-    request: &PlanRequest,
-    settings: &FrenetSettings,
-    (start, targets, limits): (&Start, &Targets, &Limits),
-    (samples, costs, obstacles): (&mut SampleGrid, &mut TableCosts, &mut Obstacles),
-) {
-    let path = &request.route.path;
-    samples.generate(&Inputs { start, targets, limits, settings, path });
-    costs.prepare(samples, targets.velocity, &settings.weights, path);
-    obstacles.prepare(request, start, samples, settings);
+    Candidates::of(&mut Evaluation::new(&problem, &mut EvaluationMemory::default()))
 }
 
 /// States of the footprint centre; headings continue that of the present state without jumps.

@@ -1,224 +1,260 @@
-//! Lazy best-first choice: the smallest (cost, index), with as few evaluations as the bounds allow.
+//! The search for the best sample: trajectories in the world, tests in the order of their price, costs.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// A lower bound of the cost of a sample, or of all samples of a group. Ordered by (bound, index), a total order: one
-/// number holds both, so that entries are compared quickly.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Entry(
-    /// The bound, so that larger ones have larger bits; the index of the sample, or of the group's first sample; the
-    /// number of the group plus 1, or 0.
-    u128,
-);
+use super::super::PlanRequest;
+use super::super::frame::Waypoint;
+use super::Problem;
+use super::cost::{FrenetMotion, TableCosts, has_world_terms, weighted_world_terms, world_terms};
+use super::feasibility::Rejection;
+use super::grid::SampleGrid;
+use super::obstacles::{Contact, Obstacles};
+use super::settings::{N_TABLE_TERMS, N_TERMS, N_WORLD_TERMS};
+use crate::collision::departs_road;
+use crate::geometry::Point;
+use crate::geometry::shape::OrientedBox;
+use crate::trajectory::Obstruction;
 
-impl Entry {
-    pub(super) fn sample(bound: f64, index: usize) -> Self {
-        Self::new(bound, index as u32, 0)
-    }
-
-    /// A group whose first sample is `first`; the others follow it.
-    pub(super) fn group(bound: f64, first: usize, group: usize) -> Self {
-        Self::new(bound, first as u32, group as u32 + 1)
-    }
-
-    #[inline]
-    fn new(bound: f64, index: u32, group: u32) -> Self {
-        let bits = reordered(bound.to_bits()) ^ (1 << 63);
-        Self(u128::from(bits) << 64 | u128::from(index) << 32 | u128::from(group))
-    }
-
-    #[inline]
-    fn bound(self) -> f64 {
-        f64::from_bits(reordered((self.0 >> 64) as u64 ^ (1 << 63)))
-    }
-
-    #[inline]
-    fn index(self) -> usize {
-        (self.0 >> 32) as u32 as usize
-    }
-
-    #[inline]
-    fn group_number(self) -> Option<usize> {
-        (self.0 as u32 as usize).checked_sub(1)
-    }
-
-    /// The same with another bound.
-    #[inline]
-    fn with(self, bound: f64) -> Self {
-        Self::new(bound, self.index() as u32, self.0 as u32)
-    }
+/// Memory of the evaluations of one plan.
+#[derive(Debug, Clone, Default)]
+pub(super) struct EvaluationMemory {
+    samples: SampleGrid,
+    costs: TableCosts,
+    obstacles: Obstacles,
+    queue: BinaryHeap<Reverse<Entry>>,
+    points: Vec<Waypoint>,
+    /// Trajectories that were found to be drivable.
+    n_trajectories: usize,
 }
 
-/// Bits of numbers in the order of `f64::total_cmp` as signed integers, and back.
-#[inline]
-fn reordered(bits: u64) -> u64 {
-    bits ^ (((bits as i64 >> 63) as u64) >> 1)
+/// A sample in the queue: the bits of its cost or a lower bound of it, which are in order because neither is negative; its
+/// number; the cost is complete.
+type Entry = (u64, usize, bool);
+
+/// Everything about one plan.
+pub(super) struct Evaluation<'a> {
+    pub(super) problem: &'a Problem<'a>,
+    memory: &'a mut EvaluationMemory,
+    /// The footprint is larger by this on all sides when the road is examined [m].
+    road_margin: f64,
 }
 
-/// The result of one more step of work on a sample.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Refined {
-    /// It is not admissible.
-    Rejected,
-    /// Its cost is at least this; there is more to do.
-    Bound(f64),
-    /// Its cost.
-    Cost(f64),
-}
+impl<'a> Evaluation<'a> {
+    /// With all that the samples share.
+    pub(super) fn new(problem: &'a Problem, memory: &'a mut EvaluationMemory) -> Self {
+        let Problem { request, settings, .. } = *problem;
+        memory.samples.generate(problem);
+        memory.costs.prepare(&memory.samples, problem);
+        memory.obstacles.prepare(problem, &memory.samples);
+        memory.n_trajectories = 0;
+        let footprint = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
+        let (road, vehicle, margin) = (request.road, request.vehicle, settings.road_margin);
+        let has_room = request.was_on_road && road.admits_box(vehicle, &footprint.grown(margin));
+        Self { problem, memory, road_margin: if has_room { margin } else { 0.0 } }
+    }
 
-/// Access to the samples.
-pub(super) trait SearchSpace {
-    /// Bounds of the samples of a group, in order; none is below that of the group, infinite ones are rejected already.
-    fn open(&mut self, group: usize) -> impl Iterator<Item = f64>;
+    /// Trajectories that were found to be drivable.
+    pub(super) fn n_trajectories(&self) -> usize {
+        self.memory.n_trajectories
+    }
 
-    /// One more step of work on a sample; never returns less than before.
-    fn refine(&mut self, sample: usize) -> Refined;
-}
+    pub(super) fn samples(&self) -> &SampleGrid {
+        &self.memory.samples
+    }
 
-/// What is still to be examined, the smallest entry first.
-pub(super) type Queue = BinaryHeap<Reverse<Entry>>;
+    /// The trajectory that was written last.
+    pub(super) fn points(&self) -> &[Waypoint] {
+        &self.memory.points
+    }
 
-/// Begins a search anew.
-pub(super) fn start(queue: &mut Queue, entries: impl Iterator<Item = Entry>) {
-    let mut memory = std::mem::take(queue).into_vec();
-    memory.clear();
-    memory.extend(entries.filter(|entry| entry.bound() < f64::INFINITY).map(Reverse));
-    *queue = BinaryHeap::from(memory);
-}
-
-/// The admissible sample with the smallest (cost, index) and its cost. What the queue was started with are lower bounds
-/// of the costs, infinite for rejected samples.
-///
-/// A sample is only returned when it is complete and the (bound, index) of all others is larger. As no cost is below its
-/// bound, the result is that of `exhaustive`.
-pub(super) fn best_first(queue: &mut Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
-    while let Some(Reverse(mut entry)) = queue.pop() {
-        let index = entry.index();
-        if let Some(group) = entry.group_number() {
-            let samples = search.open(group).enumerate().filter(|(_, bound)| bound.is_finite());
-            queue.extend(samples.map(|(i, bound)| Reverse(Entry::sample(bound, index + i))));
-            continue;
+    /// The admissible sample with the smallest (cost, number) and its cost.
+    ///
+    /// Terms of the grid alone are lower bounds of the costs. A sample is only returned when its cost is complete and those of
+    /// all others are larger, so the result is that of `exhaustive`.
+    pub(super) fn best_first(&mut self) -> Option<(usize, f64)> {
+        let mut entries = std::mem::take(&mut self.memory.queue).into_vec();
+        entries.clear();
+        let finite = self.memory.costs.bounds.iter().enumerate().filter(|(_, bound)| bound.is_finite());
+        entries.extend(finite.map(|(sample, bound)| Reverse((bound.to_bits(), sample, false))));
+        self.memory.queue = BinaryHeap::from(entries);
+        while let Some(Reverse((bits, sample, is_complete))) = self.memory.queue.pop() {
+            if !is_complete {
+                let cost = self.cost(sample);
+                self.memory.queue.extend(cost.map(|cost| Reverse((cost.to_bits(), sample, true))));
+            } else if self.write(sample) == Rejection::Admissible && self.stays_on_road() {
+                return Some((sample, f64::from_bits(bits)));
+            }
         }
-        loop {
-            match search.refine(index) {
-                Refined::Rejected => break,
-                Refined::Bound(bound) => entry = entry.with(bound),
-                Refined::Cost(cost) => {
-                    entry = entry.with(cost);
-                    if queue.peek().is_none_or(|Reverse(next)| entry < *next) {
-                        return Some((index, cost));
-                    }
+        None
+    }
+
+    /// The same by evaluating every sample to its end.
+    pub(super) fn exhaustive(&mut self) -> Option<(usize, f64)> {
+        let all = 0..self.memory.samples.len();
+        let costs = all.filter_map(|sample| {
+            let cost = self.cost(sample).filter(|_| self.stays_on_road())?;
+            Some((sample, cost))
+        });
+        costs.min_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The cost of a sample that passes all tests but that of the road.
+    fn cost(&mut self, sample: usize) -> Option<f64> {
+        let bound = self.memory.costs.bounds[sample];
+        if bound == f64::INFINITY || self.write(sample) != Rejection::Admissible {
+            return None;
+        }
+        self.memory.n_trajectories += 1;
+        if self.contact().is_some() {
+            return None;
+        }
+        let weights = &self.problem.settings.weights;
+        let mut cost = bound;
+        if has_world_terms(weights) {
+            cost += weighted_world_terms(weights, &self.world_terms(sample));
+        }
+        Some(cost + weights.prediction * self.prediction_term())
+    }
+
+    /// Writes the trajectory of a sample and returns its fault. Points that are undefined (near the centre of the
+    /// path's curvature) repeat the one before.
+    pub(super) fn write(&mut self, sample: usize) -> Rejection {
+        let Problem { request, limits, .. } = self.problem;
+        let EvaluationMemory { samples, points, .. } = &mut *self.memory;
+        points.clear();
+        let mut found = samples.profiles[samples.cell(sample).0].rejection;
+        for i in 0..limits.n_points {
+            let (s, frenet) = samples.at(sample, i);
+            let point = Waypoint::new(&request.route.path.at(s), &frenet, request.vehicle.rear_axle_to_center);
+            let before = points.last().copied();
+            let fault = match (point, before) {
+                (None, _) => Rejection::LeftPath,
+                (Some(point), Some(before)) => limits.check(&before, &point, i),
+                (Some(_), None) => Rejection::Admissible,
+            };
+            found = found.or(fault);
+            points.push(point.or(before).unwrap_or_default());
+        }
+        found
+    }
+
+    /// Writes a sample; what is wrong with it, and its first contact.
+    pub(super) fn examine(&mut self, sample: usize) -> (Rejection, Option<Contact>) {
+        let rejection = self.write(sample);
+        if rejection != Rejection::Admissible {
+            return (rejection, None);
+        }
+        match self.contact() {
+            None if self.stays_on_road() => (Rejection::Admissible, None),
+            None => (Rejection::OffRoad, None),
+            contact => (Rejection::Collision, contact),
+        }
+    }
+
+    /// First contact of the trajectory that was written last.
+    fn contact(&mut self) -> Option<Contact> {
+        let EvaluationMemory { obstacles, points, .. } = &mut *self.memory;
+        obstacles.first_contact(points, self.problem.request)
+    }
+
+    /// The footprint (with margin) of the trajectory that was written last stays on the road, at the points and between them;
+    /// an agent that starts (partly) beside it must do so once it is back. Without margin the first step, which will be
+    /// driven, is examined as closely as the world does.
+    fn stays_on_road(&self) -> bool {
+        let PlanRequest { road, shape, state, vehicle, mut was_on_road, .. } = *self.problem.request;
+        let points = self.points();
+        let is_exact = was_on_road && self.road_margin == 0.0;
+        if is_exact && departs_road(road, shape, vehicle, state.pose(), points[1].pose()).is_some() {
+            return false;
+        }
+        let half_length = 0.5 * vehicle.length + self.road_margin;
+        let half_width = 0.5 * vehicle.width + self.road_margin;
+        let footprint = |p: &Waypoint| OrientedBox { center: p.center, axis: p.axis, half_length, half_width };
+        points.windows(2).skip(usize::from(is_exact)).all(|pair| {
+            let (from, to) = (footprint(&pair[0]), footprint(&pair[1]));
+            if was_on_road {
+                return road.admits_motion(vehicle, &from, &to);
+            }
+            was_on_road = road.box_is_covered(&to);
+            true
+        })
+    }
+
+    /// Terms of the cost that need the trajectory that was written last.
+    fn world_terms(&self, sample: usize) -> [f64; N_WORLD_TERMS] {
+        let EvaluationMemory { samples, obstacles, points, .. } = &*self.memory;
+        let (profile, end_offset) = samples.cell(sample);
+        let motion = |i: usize| {
+            let d = samples.beside(profile)[i].to(end_offset);
+            FrenetMotion::new(&samples.motion(profile)[i], d, samples.profiles[profile].is_over_arc)
+        };
+        let request = self.problem.request;
+        world_terms(points, motion, obstacles.distance_cost(points, request), request.dt)
+    }
+
+    /// The prediction term of the trajectory that was written last.
+    fn prediction_term(&self) -> f64 {
+        let points = self.points().iter().enumerate().skip(1);
+        points.map(|(i, point)| self.memory.obstacles.prediction_cost(point, i)).sum()
+    }
+
+    /// All terms of the cost of the sample that was written last.
+    pub(super) fn terms(&self, sample: usize) -> [f64; N_TERMS] {
+        let mut terms = [0.0; N_TERMS];
+        terms[..N_TABLE_TERMS].copy_from_slice(&self.memory.costs.terms[sample]);
+        terms[N_TABLE_TERMS..N_TERMS - 1].copy_from_slice(&self.world_terms(sample));
+        terms[N_TERMS - 1] = self.prediction_term();
+        terms
+    }
+
+    /// Why no sample is admissible: what rejected most of the samples that the vehicle can drive. Contacts with one participant
+    /// count together; the first of equals counts.
+    pub(super) fn obstruction(&mut self) -> Obstruction {
+        let request = self.problem.request;
+        let mut hits = vec![(0_usize, None); request.others.len()];
+        let mut counts = [(0_usize, Rejection::Admissible); Rejection::StopLine as usize + 1];
+        let mut off_road: Option<(f64, usize)> = None;
+        for sample in 0..self.samples().len() {
+            let (rejection, contact) = self.examine(sample);
+            counts[rejection as usize] = (counts[rejection as usize].0 + 1, rejection);
+            if let Some(contact) = contact {
+                let (n, first) = &mut hits[contact.other];
+                *n += 1;
+                first.get_or_insert(self.points()[contact.interval + 1].center);
+            } else if rejection == Rejection::OffRoad {
+                let cost = self.cost(sample).unwrap_or(f64::INFINITY);
+                if off_road.is_none_or(|(least, _)| cost < least) {
+                    off_road = Some((cost, sample));
                 }
             }
-            if queue.peek().is_some_and(|Reverse(next)| *next < entry) {
-                queue.push(Reverse(entry));
-                break;
-            }
         }
+        let (n_hits, other) = first_of_most(hits.iter().map(|(n, _)| *n));
+        if let Some((_, sample)) = off_road.filter(|_| counts[Rejection::OffRoad as usize].0 > n_hits) {
+            return self.obstructing_edge(sample);
+        }
+        if n_hits > 0 {
+            let words = Rejection::Collision.words(request.predictions.ids[request.others[other].row]);
+            return Obstruction { at: hits[other].1.expect("a contact"), ..Obstruction::nowhere(&words) };
+        }
+        // The vehicle can drive none of the samples: the limit that most of them exceed first.
+        let (_, place) = first_of_most(counts.iter().map(|(n, _)| *n));
+        Obstruction::nowhere(&counts[place].1.words(-1))
     }
-    None
+
+    /// Where a sample is furthest off the road.
+    fn obstructing_edge(&mut self, sample: usize) -> Obstruction {
+        self.write(sample);
+        let request = self.problem.request;
+        let (overhang, at) = self.points().iter().fold((f64::NEG_INFINITY, Point::default()), |furthest, point| {
+            let overhang = request.road.overhang(request.shape, point.pose(), &mut Vec::new());
+            if overhang > furthest.0 { (overhang, point.center) } else { furthest }
+        });
+        Obstruction { rejection: Rejection::OffRoad.words(-1), at, overhang }
+    }
 }
 
-/// The same by evaluating every sample to its end.
-pub(super) fn exhaustive(queue: &Queue, search: &mut impl SearchSpace) -> Option<(usize, f64)> {
-    let mut best: Option<(usize, f64)> = None;
-    let mut entries: Vec<Entry> = queue.iter().map(|Reverse(entry)| *entry).collect();
-    entries.sort_unstable_by_key(|entry| entry.index());
-    for entry in entries {
-        let (bound, index, group) = (entry.bound(), entry.index(), entry.group_number());
-        let bounds: Vec<f64> = group.map_or_else(|| vec![bound], |group| search.open(group).collect());
-        for sample in (0..bounds.len()).filter(|i| bounds[*i].is_finite()).map(|i| index + i) {
-            let cost = loop {
-                match search.refine(sample) {
-                    Refined::Rejected => break None,
-                    Refined::Bound(_) => {}
-                    Refined::Cost(cost) => break Some(cost),
-                }
-            };
-            best = match (best, cost) {
-                (Some(best), Some(cost)) if cost.total_cmp(&best.1).is_lt() => Some((sample, cost)),
-                (None, Some(cost)) => Some((sample, cost)),
-                (best, _) => best,
-            };
-        }
-    }
-    best
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::shape::Lcg;
-
-    const GROUP: usize = 10;
-
-    /// Costs as sums of five parts, which become known one by one.
-    struct Sums<'a> {
-        parts: &'a [[f64; 5]],
-        rejected: &'a [bool],
-        done: Vec<usize>,
-        work: usize,
-    }
-
-    impl SearchSpace for Sums<'_> {
-        fn open(&mut self, group: usize) -> impl Iterator<Item = f64> {
-            self.work += 1;
-            self.parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0])
-        }
-
-        fn refine(&mut self, i: usize) -> Refined {
-            self.work += 1;
-            if self.rejected[i] {
-                return Refined::Rejected;
-            }
-            self.done[i] = (self.done[i] + 1).min(4);
-            let sum = self.parts[i][..=self.done[i]].iter().sum();
-            if self.done[i] == 4 { Refined::Cost(sum) } else { Refined::Bound(sum) }
-        }
-    }
-
-    #[test]
-    fn best_first_returns_the_exhaustive_choice_with_less_work() {
-        let mut random = Lcg::new(3);
-        let mut queue = Queue::default();
-        let (mut lazy_work, mut full_work) = (0, 0);
-        for _ in 0..200 {
-            // On a coarse grid, so that ties happen; a quarter is rejected.
-            let n = 100;
-            let part = |random: &mut Lcg| random.within(0.0, 3.0).floor();
-            let mut parts: Vec<[f64; 5]> = (0..n).map(|_| std::array::from_fn(|_| part(&mut random))).collect();
-            // Some are rejected when their group is opened, in one group all.
-            for i in (0..n).filter(|i| i % 17 == 0 || i / GROUP == 4) {
-                parts[i][0] = f64::INFINITY;
-            }
-            let rejected: Vec<bool> = (0..n).map(|_| random.within(0.0, 1.0) < 0.25).collect();
-            let least = |group: usize| {
-                parts[group * GROUP..(group + 1) * GROUP].iter().map(|parts| parts[0]).fold(f64::INFINITY, f64::min)
-            };
-            // The last ten stand alone. Bounds of groups may be low.
-            let groups = (0..9).map(|group| {
-                let first = if least(group).is_finite() { least(group) } else { 1.0 };
-                Entry::group(first - f64::from(u8::from(group.is_multiple_of(2))), group * GROUP, group)
-            });
-            let alone = (90..n).map(|i| Entry::sample(parts[i][0], i));
-            start(&mut queue, groups.chain(alone));
-            let search = || Sums { parts: &parts, rejected: &rejected, done: vec![0; n], work: 0 };
-            let (mut lazy, mut full) = (search(), search());
-            let chosen = exhaustive(&queue, &mut full);
-            assert_eq!(best_first(&mut queue, &mut lazy), chosen);
-            lazy_work += lazy.work;
-            full_work += full.work;
-        }
-        assert!(3 * lazy_work < full_work, "{lazy_work} of {full_work}");
-    }
-
-    #[test]
-    fn none_is_chosen_if_all_are_rejected() {
-        let mut queue = Queue::default();
-        start(&mut queue, [Entry::sample(1.0, 0), Entry::sample(f64::INFINITY, 1)].into_iter());
-        let mut search = Sums { parts: &[[1.0; 5]; 2], rejected: &[true; 2], done: vec![0; 2], work: 0 };
-        assert_eq!(exhaustive(&queue, &mut search), None);
-        assert_eq!(best_first(&mut queue, &mut search), None);
-    }
+/// Size and place of the largest count.
+fn first_of_most(counts: impl Iterator<Item = usize>) -> (usize, usize) {
+    counts.enumerate().fold((0, 0), |most, (place, count)| if count > most.0 { (count, place) } else { most })
 }

@@ -8,6 +8,7 @@ use super::super::polynomial::Polynomial;
 use super::feasibility::{Limits, Rejection};
 use super::grid::{ARC_MIN, ROUNDING};
 use super::knows_yaw_rate;
+use super::profiles::ProfilePoint;
 use crate::error::{Error, Result};
 use crate::settings::{positive, settings};
 use crate::trajectory::State;
@@ -130,12 +131,8 @@ impl Sample {
     /// Arc length and place beside the path at a time; `None` if it goes backwards.
     fn at(&self, start: &Start, time: f64) -> Option<(f64, FrenetPoint)> {
         let is_moving = time < self.end.time + 1e-9;
-        let [s, s_dot, s_ddot, _] = self.s.at(time.min(self.end.time));
-        let (s, s_dot, s_ddot) = if is_moving {
-            (s, s_dot, s_ddot)
-        } else {
-            (s + self.end.velocity * (time - self.end.time), self.end.velocity, 0.0)
-        };
+        let ends = (self.end.time, self.end.velocity);
+        let ProfilePoint { s, s_dot, s_ddot, .. } = ProfilePoint::keeping_velocity(&self.s, ends, time);
         if s_dot < -ROUNDING {
             return None;
         }

@@ -9,7 +9,6 @@ use super::super::{Other, PlanRequest};
 use super::settings::FrenetSettings;
 use crate::barrier::{Barrier, Barriers};
 use crate::conduct::STATIONARY_SPEED;
-use crate::geometry::{Aabb, Point};
 
 /// Distance of the samples of the path's curvature [m], and how far they reach at most.
 const CURVE_STEP: f64 = 1.0;
@@ -26,10 +25,6 @@ const BELOW_MAX: f64 = 1.0;
 const LINE_CLEARANCE: f64 = 0.1;
 /// An agent that has to wait for more than this [s] may want to stop.
 const STOP_TIME: f64 = 2.0;
-/// The path is examined in steps of so many knots, about 2 m; in between it bulges by less than this at the tightest radius of
-/// 2 m [m].
-pub(super) const KNOTS: usize = 4;
-pub(super) const BULGE: f64 = 0.25;
 /// More than any rounding of a distance [m].
 const ROUNDING: f64 = 1e-6;
 
@@ -68,9 +63,7 @@ impl Targets {
         let (mut following, mut standing) =
             (all_barriers.iter().map(approach).fold(f64::INFINITY, f64::min), f64::INFINITY);
         let lasting = || all_barriers.iter().filter(|one| one.until > STOP_TIME).map(|one| one.s);
-        let stretch = Stretch::ahead(request, start);
-        let near = request.others.iter().filter(|other| stretch.may_hold(other));
-        for Leader { rear, velocity } in near.filter_map(|other| leader(other, request, start)) {
+        for Leader { rear, velocity } in request.others.iter().filter_map(|other| leader(other, request, start)) {
             let gap = rear - front - comfort.standstill_gap;
             following = following.min(safe_velocity(gap, velocity, (comfort.time_gap, comfort.deceleration)));
             standing = standing.min(rear + 0.5 * velocity * velocity.abs() / comfort.deceleration);
@@ -118,55 +111,6 @@ fn approach_velocity(barrier: &Barrier, front: f64, dt: f64, deceleration: f64) 
     if barrier.until.is_finite() { safe.max(room / barrier.until.max(dt)) } else { safe }
 }
 
-/// How far away leaders are looked for [m], beyond their size.
-fn leader_reach(start: &Start) -> f64 {
-    40.0 + start.velocity * (2.0 + start.velocity / 4.0)
-}
-
-/// A box around the part of the path on which leaders can be, along the agent's heading, grown by the corridor.
-struct Stretch {
-    origin: Point,
-    axis: Point,
-    region: Aabb,
-}
-
-impl Stretch {
-    /// Larger participants are always examined more closely [m].
-    const RADIUS_MAX: f64 = 15.0;
-
-    fn ahead(request: &PlanRequest, start: &Start) -> Self {
-        let (path, vehicle) = (&request.route.path, request.vehicle);
-        let (x, y) = (path.x(), path.y());
-        let knot = |s: f64| ((s / path.spacing()).max(0.0) as usize).min(x.len() - 1);
-        let (origin, axis) = (request.state.pose().position, Point::from_angle(request.state.orientation));
-        let local = |i: usize| {
-            let offset = Point::new(x[i], y[i]) - origin;
-            Point::new(offset.dot(axis), axis.cross(offset))
-        };
-        let last = knot(start.s + leader_reach(start) + Self::RADIUS_MAX + 10.0) + 2;
-        let last = last.min(x.len() - 1);
-        let mut next = knot(start.s + vehicle.rear_axle_to_center).saturating_sub(2);
-        let mut region = Aabb::around([local(next)]);
-        while next < last {
-            next = (next + KNOTS).min(last);
-            region = region.including(local(next));
-        }
-        let margin = BULGE + start.d.abs() + 0.5 * vehicle.width + CORRIDOR_MARGIN + ROUNDING;
-        Self { origin, axis, region: region.grown(margin) }
-    }
-
-    /// If not, the participant is no leader.
-    fn may_hold(&self, other: &Other) -> bool {
-        let bounds = other.shape.bounding_box();
-        let (middle, half) = (bounds.min.lerp(bounds.max, 0.5), (bounds.max - bounds.min) * 0.5);
-        // Not less than from its position to the furthest corner of its box.
-        let size = middle.x.abs() + middle.y.abs() + half.x + half.y;
-        let offset = other.pose.position - self.origin;
-        let place = Point::new(offset.dot(self.axis), self.axis.cross(offset));
-        size > Self::RADIUS_MAX || self.region.grown(size).contains(place)
-    }
-}
-
 /// The participant as a leader, if it is ahead, its footprint in the corridor between the agent and
 /// the path, and it stands or moves along the path. Structures of several parts are left to the collision test.
 fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader> {
@@ -174,7 +118,8 @@ fn leader(other: &Other, request: &PlanRequest, start: &Start) -> Option<Leader>
         return None;
     }
     let vehicle = request.vehicle;
-    let reach = leader_reach(start);
+    // How far away leaders are looked for [m], beyond their size.
+    let reach = 40.0 + start.velocity * (2.0 + start.velocity / 4.0);
     let distance = other.pose.position.distance(request.state.pose().position);
     if distance > reach + other.shape.bounding_radius() {
         return None;
@@ -234,30 +179,4 @@ fn path_velocity(request: &PlanRequest, start: &Start, comfort: &FrenetComfort, 
         }
     }
     square.sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::shape::Lcg;
-    use crate::plan::frenet::tests::choice::random_drive;
-
-    #[test]
-    fn no_leader_is_outside_the_stretch_ahead() {
-        let mut random = Lcg::new(41);
-        let (mut n_leaders, mut n_outside) = (0, 0);
-        for _ in 0..400 {
-            random_drive(&mut random).with_request(|request| {
-                let Ok(start) = Start::new(request, true) else { return };
-                let stretch = Stretch::ahead(request, &start);
-                for other in request.others {
-                    let (may_hold, is_leader) = (stretch.may_hold(other), leader(other, request, &start).is_some());
-                    assert!(may_hold || !is_leader, "{other:?}");
-                    n_leaders += usize::from(is_leader);
-                    n_outside += usize::from(!may_hold);
-                }
-            });
-        }
-        assert!(n_leaders > 100 && n_outside > 100, "{n_leaders} {n_outside}");
-    }
 }

@@ -1,6 +1,5 @@
 //! The others as they would go on with their present speeds and headings, in the world and along the path.
 
-use super::super::frenet::part_boxes;
 use super::super::{Other, PlanRequest};
 use crate::geometry::Point;
 use crate::geometry::polyline::ReferencePath;
@@ -89,7 +88,9 @@ impl Forecast {
         let own = OrientedBox::new(request.state.pose(), request.vehicle.length, request.vehicle.width);
         for (index, other) in request.others.iter().enumerate() {
             if other.is_static {
-                part_boxes(other).for_each(|part| self.add(request, (index, other, part), (&own, radius), s));
+                for (part, _) in other.shape.parts().iter().map(|part| part.tightest_box(other.pose)) {
+                    self.add(request, (index, other, part), (&own, radius), s);
+                }
             } else {
                 let now = other.shape.oriented_box(other.pose);
                 self.add(request, (index, other, now), (&own, radius), s);

@@ -1,7 +1,6 @@
 //! The others over the time of a plan: whom a roll-out hits first, and how near it comes to the rest.
 
 use super::super::driven_point::DrivenPoint;
-use super::super::frenet::part_boxes;
 use super::super::{Other, PlanRequest};
 use super::settings::RolloutSettings;
 use super::start::Start;
@@ -68,6 +67,35 @@ struct Body {
     way: f64,
 }
 
+impl Body {
+    /// What is hard, as it is now, without boxes, with the margins to keep to it where it is passed at a speed [m/s]; none
+    /// where the vehicle is nearer now.
+    fn now(
+        other: usize,
+        (body, stands): (&OrientedBox, bool),
+        (own, passing): (&OrientedBox, f64),
+        settings: &RolloutSettings,
+    ) -> Self {
+        let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
+        let half_length = body.half_length + margins[0];
+        let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
+        let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
+        Self {
+            other,
+            probability: 1.0,
+            is_hard: true,
+            first: 0,
+            n: 0,
+            is_static: false,
+            stands,
+            overlaps_now: is_near && own.overlaps(body),
+            margin: if is_near { [0.0; 3] } else { margins },
+            radius: body.radius(),
+            way: 0.0,
+        }
+    }
+}
+
 /// All that the vehicle can meet; the memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Surroundings {
@@ -113,26 +141,11 @@ impl Surroundings {
         (settings, passing): (&RolloutSettings, f64),
         (own, reach): (&OrientedBox, &OrientedBox),
     ) {
-        for body in part_boxes(other) {
-            if !body.grown(1.0).overlaps(reach) {
-                continue;
+        for (body, _) in other.shape.parts().iter().map(|part| part.tightest_box(other.pose)) {
+            if body.grown(1.0).overlaps(reach) {
+                let part = Body::now(index, (&body, true), (own, passing), settings);
+                self.push(Body { is_static: true, ..part }, std::iter::once(body));
             }
-            let (margin, overlaps_now) = margin(&body, own, passing, settings);
-            let first = self.boxes.len();
-            self.boxes.push(body);
-            self.bodies.push(Body {
-                other: index,
-                probability: 1.0,
-                is_hard: true,
-                first,
-                n: 1,
-                is_static: true,
-                stands: true,
-                overlaps_now,
-                margin,
-                radius: body.radius(),
-                way: 0.0,
-            });
         }
     }
 
@@ -149,43 +162,29 @@ impl Surroundings {
         let modes = &predictions.probability[other.row * predictions.n_modes..][..predictions.n_modes];
         let largest = modes.iter().copied().fold(0.0, f64::max);
         let now = other.shape.oriented_box(other.pose);
-        let radius = other.shape.bounding_radius() + 1.0;
+        let body = Body::now(index, (&now, other.velocity.abs() < STATIONARY_SPEED), (own, passing), settings);
+        let room = other.shape.bounding_radius() + 1.0;
         for (mode, &probability) in modes.iter().enumerate() {
-            if probability <= 0.0 {
-                continue;
-            }
             let region = request.prediction_index.regions[other.row * predictions.n_modes + mode];
-            let (half_length, half_width) = (region.half_length + radius, region.half_width + radius);
-            if !(OrientedBox { half_length, half_width, ..region }).overlaps(reach) {
+            if probability <= 0.0 || !region.grown(room).overlaps(reach) {
                 continue;
             }
-            let first = self.boxes.len();
-            self.boxes.push(now);
-            let from = predictions.offset(other.row, mode) + shift;
-            for k in (from..from + n).take_while(|k| predictions.valid[*k]) {
-                let position = Point::new(predictions.x[k], predictions.y[k]);
-                self.boxes.push(other.shape.oriented_box_along(position, request.prediction_index.axis(k)));
-            }
-            let n = self.boxes.len() - first;
-            let way = longest(self.boxes[first..].iter().map(|one| one.center));
             let is_hard = probability >= settings.collision_mode_probability || probability >= largest;
-            let radius = now.radius();
-            let (is_static, stands) = (false, other.velocity.abs() < STATIONARY_SPEED);
-            let (margin, overlaps_now) = margin(&now, own, passing, settings);
-            self.bodies.push(Body {
-                other: index,
-                probability,
-                is_hard,
-                first,
-                n,
-                is_static,
-                stands,
-                overlaps_now,
-                margin,
-                radius,
-                way,
+            let from = predictions.offset(other.row, mode) + shift;
+            let boxes = (from..from + n).take_while(|k| predictions.valid[*k]).map(|k| {
+                let position = Point::new(predictions.x[k], predictions.y[k]);
+                other.shape.oriented_box_along(position, request.prediction_index.axis(k))
             });
+            self.push(Body { probability, is_hard, ..body }, std::iter::once(now).chain(boxes));
         }
+    }
+
+    /// Adds a body with its boxes.
+    fn push(&mut self, body: Body, boxes: impl Iterator<Item = OrientedBox>) {
+        let first = self.boxes.len();
+        self.boxes.extend(boxes);
+        let way = longest(self.boxes[first..].iter().map(|one| one.center));
+        self.bodies.push(Body { first, n: self.boxes.len() - first, way, ..body });
     }
 
     fn at(&self, body: &Body, point: usize) -> Option<&OrientedBox> {
@@ -321,20 +320,11 @@ fn longest(places: impl Iterator<Item = Point>) -> f64 {
     squares.fold(0.0, f64::max).sqrt()
 }
 
-/// The margins to keep to a body passed at a speed [m/s], none where it is nearer now, and whether the vehicle overlaps it now.
-fn margin(body: &OrientedBox, own: &OrientedBox, passing: f64, settings: &RolloutSettings) -> ([f64; 3], bool) {
-    let margins = [settings.margin_length, settings.margin_width, settings.margin_time];
-    let half_length = body.half_length + margins[0];
-    let half_width = body.half_width + margins[1] + margins[2] * passing.abs();
-    let is_near = own.overlaps(&OrientedBox { half_length, half_width, ..*body });
-    if is_near { ([0.0; 3], own.overlaps(body)) } else { (margins, false) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::frenet::tests::{Car, Drive};
     use crate::plan::prediction_index::PredictionIndex;
+    use crate::plan::testing::{Car, Drive};
     use crate::trajectory::Predictions;
 
     #[test]

@@ -213,7 +213,7 @@ mod tests {
     use std::cell::RefCell;
 
     use super::*;
-    use crate::plan::frenet::tests::Drive;
+    use crate::plan::testing::Drive;
 
     #[test]
     fn the_integrals_of_a_rollout_never_fall_on_its_way() {

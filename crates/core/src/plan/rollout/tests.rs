@@ -7,7 +7,7 @@ use crate::geometry::Point;
 use crate::geometry::shape::{Lcg, Shape};
 use crate::plan::PlanResult;
 use crate::plan::comfort::Comfort;
-use crate::plan::frenet::tests::{Car, Drive};
+use crate::plan::testing::{Car, Drive};
 use crate::road::testing::{arc, lane, open, straight};
 use crate::trajectory::PlanStatus;
 

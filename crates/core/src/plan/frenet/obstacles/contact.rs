@@ -32,64 +32,47 @@ impl Obstacles {
     pub(in crate::plan::frenet) fn first_contact(
         &mut self,
         points: &[Waypoint],
-        dt: f64,
         request: &PlanRequest,
     ) -> Option<Contact> {
-        if !self.run_broad_phase(points) {
-            return None;
-        }
-        let mut ignored = std::mem::take(&mut self.ignored);
-        ignored.clear();
-        ignored.resize(self.obstacles.len(), false);
-        let contact = self.swept_boxes.found().find_map(|(interval, obstacle)| {
-            if ignored[obstacle] {
-                return None;
-            }
-            let found = self.meeting((interval, obstacle), points, dt, request);
-            ignored[obstacle] = found == Meeting::Ignored;
-            if let Meeting::Contact(contact) = found { Some(contact) } else { None }
+        let mut own = std::mem::take(&mut self.own);
+        own.clear();
+        own.extend(points.windows(2).map(|w| OrientedBox::spanning(&self.footprint(&w[0]), &self.footprint(&w[1]))));
+        let contacts = self.obstacles.iter().filter_map(|obstacle| {
+            let interval = self.meeting(obstacle, &own, points, request)?;
+            Some(Contact { other: obstacle.other, interval })
         });
-        self.ignored = ignored;
-        contact
+        let first = contacts.min_by_key(|contact| contact.interval);
+        self.own = own;
+        first
     }
 
+    /// The interval of the first contact with an obstacle.
     fn meeting(
         &self,
-        (interval, obstacle): (usize, usize),
+        obstacle: &Obstacle,
+        own: &[OrientedBox],
         points: &[Waypoint],
-        dt: f64,
         request: &PlanRequest,
-    ) -> Meeting {
-        let pair = [&points[interval], &points[interval + 1]];
-        let (from, ego) = (self.footprint(pair[0]), self.footprint(pair[1]));
-        let obstacle = &self.obstacles[obstacle];
-        let swept = obstacle.swept_interval(interval, request);
-        if !OrientedBox::spanning(&from, &ego).overlaps(&swept.swept) {
-            return Meeting::None;
+    ) -> Option<usize> {
+        let Obstacle { other, first, overlaps_now, exact } = *obstacle;
+        for (interval, covered) in self.intervals[first..first + own.len()].iter().enumerate() {
+            let Some(covered) = covered.as_ref().filter(|covered| own[interval].overlaps(&covered.swept)) else {
+                continue;
+            };
+            let (before, now) = (&points[interval], &points[interval + 1]);
+            let (from, ego) = (self.footprint(before), self.footprint(now));
+            if overlaps_now && is_separating(&from, &ego, covered)
+                || exact && !touches(&request.others[other], request, now)
+            {
+                continue;
+            }
+            let keeps_lane = (now.d - points[0].d).abs() < OWN_LANE;
+            let time = (interval + 1) as f64 * request.dt;
+            let is_ignored = is_follower(&ego, &covered.end) || must_yield(&ego, covered, request.dt, time);
+            return Some(interval).filter(|_| !(keeps_lane && is_ignored));
         }
-        let Obstacle { other, overlaps_now, exact, .. } = *obstacle;
-        if overlaps_now && is_separating(&from, &ego, &swept) {
-            return Meeting::None;
-        }
-        if exact && !touches(&request.others[other], request, pair[1]) {
-            return Meeting::None;
-        }
-        let keeps_lane = (pair[1].d - points[0].d).abs() < OWN_LANE;
-        let time = (interval + 1) as f64 * dt;
-        if keeps_lane && (is_follower(&ego, &swept.end) || must_yield(&ego, &swept, dt, time)) {
-            return Meeting::Ignored;
-        }
-        Meeting::Contact(Contact { other, interval })
+        None
     }
-}
-
-/// What happens between a sample and an obstacle during an interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Meeting {
-    None,
-    /// The obstacle need not be examined any more.
-    Ignored,
-    Contact(Contact),
 }
 
 /// The other's centre is behind the agent's rear and it heads the same way.

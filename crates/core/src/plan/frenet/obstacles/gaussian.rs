@@ -8,9 +8,9 @@ use crate::geometry::Point;
 use boxes::{Boxes, LANES, NODES_UP_TO};
 
 /// Beyond this many standard deviations nothing is left (probability below 2e-8).
-pub(super) const REACH: f64 = 5.5;
+const REACH: f64 = 5.5;
 /// Smaller variances count as this [m²].
-pub(super) const VARIANCE_MIN: f64 = 1e-6;
+const VARIANCE_MIN: f64 = 1e-6;
 
 /// How often both diagonals lead from the centre of a footprint to itself, to the front left, front right, rear right and
 /// rear left corner; the other lanes stay at the centre.
@@ -53,6 +53,15 @@ impl Normal2 {
     #[inline(always)]
     pub(super) fn centre_and_corners(&self, mean: &Footprint, half: (f64, f64)) -> f32 {
         let Footprint { center, front_left, front_right } = *mean;
+        // The nearest corner may be beyond what is left of the distribution; a thousandth is more than rounding.
+        let beyond = |center: f64, left: f64, right: f64, half: f64, inverse_sigma: f32| {
+            (center.abs() - left.abs().max(right.abs()) - half) * f64::from(inverse_sigma) > 1.001 * REACH
+        };
+        if beyond(center.x, front_left.x, front_right.x, half.0, self.inverse_sigma.0)
+            || beyond(center.y, front_left.y, front_right.y, half.1, self.inverse_sigma.1)
+        {
+            return 0.0;
+        }
         let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
             let (left, right) = (LEFT_DIAGONAL[lane], RIGHT_DIAGONAL[lane]);

@@ -69,10 +69,17 @@ fn a_parked_car_at_the_side_is_passed() {
 }
 
 #[test]
-fn the_agent_arrives_at_its_goal_in_time() {
-    for (velocity, entry, time_step) in [(10.0, 140.0, (80, 120)), (4.0, 140.0, (90, 100)), (15.0, 160.0, (120, 150))] {
-        let mut drive =
-            Drive::along(&lane_of_400_m(), 40.0, velocity).with_goal((entry, entry + 12.0), time_step, None);
+fn the_agent_arrives_at_its_goal_in_time_and_with_its_speed() {
+    for (velocity, entry, time_step, goal_velocity) in [
+        (10.0, 140.0, (80, 120), None),
+        (4.0, 140.0, (90, 100), None),
+        (15.0, 160.0, (120, 150), None),
+        (10.0, 120.0, (80, 110), Some((4.0, 6.0))),
+        // It is early and waits in the area.
+        (8.0, 60.0, (150, 180), None),
+    ] {
+        let goal = (entry, entry + 12.0);
+        let mut drive = Drive::along(&lane_of_400_m(), 40.0, velocity).with_goal(goal, time_step, goal_velocity);
         let mut arrived = false;
         for _ in 0..time_step.1 {
             drive_on(&mut drive, 1);
@@ -97,24 +104,6 @@ fn a_late_agent_drives_on_at_the_speed_at_which_it_entered() {
     (drive.time_step, drive.state.velocity) = (30, 3.0);
     drive_on(&mut drive, 60);
     assert!(drive.state.velocity > 9.0, "{:?}", drive.state);
-}
-
-#[test]
-fn an_early_agent_waits_in_the_goal_area() {
-    let mut drive = Drive::along(&lane_of_400_m(), 40.0, 8.0).with_goal((60.0, 70.0), (150, 180), None);
-    drive_on(&mut drive, 150);
-    assert!(drive.goal.states[0].is_met(&drive.state, drive.time_step), "{:?}", drive.state);
-}
-
-#[test]
-fn the_goal_is_reached_with_the_goal_speed() {
-    let mut drive = Drive::along(&lane_of_400_m(), 40.0, 10.0).with_goal((120.0, 135.0), (80, 110), Some((4.0, 6.0)));
-    let mut arrived = false;
-    for _ in 0..110 {
-        drive_on(&mut drive, 1);
-        arrived |= drive.goal.states[0].is_met(&drive.state, drive.time_step);
-    }
-    assert!(arrived, "{:?}", drive.state);
 }
 
 #[test]

@@ -4,10 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::super::super::emergency_braking::last_resort;
 use super::{Car, Drive};
-use crate::geometry::Point;
 use crate::plan::external_plan::{check_motion, check_plan};
 use crate::plan::frenet::FrenetSettings;
-use crate::road::testing::{arc, open, straight, tapered_lane};
+use crate::road::testing::{open, straight, tapered_lane};
 use crate::trajectory::{PlanStatus, State};
 
 /// Full braking from now on.
@@ -81,50 +80,6 @@ fn an_agent_with_a_faster_car_ahead_of_it_in_its_way_does_not_accelerate_into_it
         }
     }
     assert!(n_emergencies > 0);
-}
-
-#[test]
-fn full_braking_turns_the_wheels_within_the_steering_rate_and_the_friction_circle() {
-    // A plan that turns left as tightly as the tyres hold, then an emergency.
-    let mut center = straight((0.0, 0.0), (30.0, 0.0));
-    center.extend(arc((30.0, 18.0), 18.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
-    for velocity in [3.0, 6.0, 9.0, 11.0] {
-        let mut drive = Drive::along(&center, 36.0, velocity);
-        drive.state.yaw_rate = velocity / 18.0;
-        let result = drive.plan(&FrenetSettings::default());
-        drive.step(result);
-        let points = braking_from(&drive);
-        let vehicle = &drive.vehicle;
-        let steering = |p: &State| (vehicle.wheelbase * p.yaw_rate / p.velocity).atan();
-        for pair in points.windows(2).take_while(|pair| pair[1].velocity > 0.1) {
-            let rate = (steering(&pair[1]) - steering(&pair[0])).abs() / drive.dt;
-            assert!(rate < vehicle.steering_rate_max + 1e-6, "{velocity} m/s: {rate} rad/s");
-            let held = vehicle.lateral_acceleration_beside(pair[1].acceleration);
-            let lateral = (pair[1].yaw_rate * pair[1].velocity).abs();
-            let opens = steering(&pair[1]).abs() < steering(&pair[0]).abs();
-            assert!(lateral < held + 1e-6 || opens, "{velocity} m/s: {lateral} of {held} m/s²");
-        }
-    }
-}
-
-#[test]
-fn full_braking_before_a_bend_turns_the_wheels_into_it_as_fast_as_they_turn() {
-    // 20 m straight on, then a bend of 12 m radius to the left; no earlier plan, the wheels point straight ahead.
-    let mut center = straight((0.0, 0.0), (20.0, 0.0));
-    center.extend(arc((20.0, 12.0), 12.0, -FRAC_PI_2, 0.0).into_iter().skip(1));
-    let drive = Drive::along(&center, 18.0, 9.0);
-    let points = braking_from(&drive);
-    let pose = points[30].pose();
-    let offset = |place| drive.route.path.project(place).expect("beside it").1.abs();
-    let on_the_path = offset(drive.vehicle.rear_axle_from_center(pose));
-    // Straight on it would come to rest here.
-    let way = points.windows(2).map(|pair| pair[0].pose().position.distance(pair[1].pose().position)).sum::<f64>();
-    let straight_on = offset(drive.vehicle.rear_axle_from_center(drive.state.pose()) + Point::new(way, 0.0));
-    assert!(on_the_path < 0.5 * straight_on && pose.orientation > 0.1, "{on_the_path} m, {straight_on} m");
-    let steering = |p: &State| (drive.vehicle.wheelbase * p.yaw_rate / p.velocity).atan();
-    let moving: Vec<f64> = points.iter().filter(|p| p.velocity > 0.1).map(steering).collect();
-    let rate = moving.windows(2).map(|w| (w[1] - w[0]).abs() / 0.1).fold(0.0, f64::max);
-    assert!(rate > 0.1 && rate <= drive.vehicle.steering_rate_max + 1e-9, "{rate} rad/s");
 }
 
 #[test]
