@@ -58,12 +58,12 @@ fn per_phase(agents: usize, threads: usize) -> [usize; 5] {
 /// Allocations that each phase may make for 25 agents, with one and with two threads, and for every further agent. The aim
 /// is none: lower the number if you remove some.
 const LIMITS: [(&str, [usize; 2], f64); 5] = [
-    ("observe", [22, 23], 0.1),
+    ("observe", [23, 24], 0.1),
     // All but 24 for the orders at junctions, which are found once for every set of bodies that agents see there.
     ("predict", [402, 402], 8.1),
     ("predict, neural,", [19, 21], 0.1),
     // About 18 for every plan: proposals are stored until the search ends.
-    ("plan", [452, 452], 17.6),
+    ("plan", [453, 453], 17.7),
     ("step", [7, 7], 0.1),
 ];
 
