@@ -16,6 +16,7 @@ import interdrive as idr
 from interdrive.results.story import story
 from interdrive.run import PLAN_STATUS
 from interdrive.scenario import Lanelets
+from interdrive.simulation import Simulation
 from interdrive.testing.worlds import Car, problem, straight_road, world
 
 LENGTH = 4.5
@@ -176,6 +177,17 @@ def test_an_agent_along_a_path_shows_its_lane_change_as_before_a_fork():
     shown = turns(run) == 1.0
     assert shown[over - 40 : over].all(), "4 s before it is half over"
     assert not shown[over + 20 :].any(), "2 s behind"
+
+
+@pytest.mark.parametrize("planner", ["idm", "rollout"])
+def test_an_agent_that_reverses_shows_no_lane_change(planner):
+    def shown(velocity):
+        drive = Simulation(two_lanes(velocity=velocity), agents=[1], planner=planner, threads=1)
+        drive.step()
+        return drive.world.scene().turn.tolist()
+
+    assert shown(0.0) == [1.0]
+    assert np.isnan(shown(-1.5)).all()
 
 
 def test_an_agent_of_mobil_shows_a_change_while_it_makes_it():

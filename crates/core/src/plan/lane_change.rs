@@ -165,7 +165,6 @@ impl LaneRoutes {
         let origin = beside[usize::from(offset < 0.0)]
             .filter(|(lane, s)| offset.abs() > SETTLED_OFFSET && missing(*lane, *s) > here)
             .and_then(|(lane, s)| self.in_lane(request, lane, s));
-        let side = |there: &Aim| Some(there.side());
         if let Some(origin) = origin {
             let need = lanes[origin.lane].need(origin.s);
             let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
@@ -203,20 +202,17 @@ impl LaneRoutes {
         let time = (need.last_chance - front(aim.s)) / velocity.max(1.0) / need.changes as f64;
         let time_gap = time_gap(time);
         let (own, lag) = (comfort.deceleration, FIRM_DECELERATION);
-        let is_shown = time < HURRY.0 || has_shown(request, side(&there));
+        let side = there.side();
+        let is_shown = time < HURRY.0 || has_shown(request, side);
         let is_accepted = is_shown && self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !gives_up && !can_stop(aim.s, &need) {
-            let change = LaneChange {
-                is_accepted,
-                urgency: urgency(there.d, time),
-                side: side(&there),
-                ..LaneChange::default()
-            };
+            let change =
+                LaneChange { is_accepted, urgency: urgency(there.d, time), side: Some(side), ..LaneChange::default() };
             return (there, change);
         }
         let velocity = self.seek(request, comfort, (aim, there), (follower, waiting.end));
-        (aim, LaneChange { velocity, side: side(&there), ..waiting })
+        (aim, LaneChange { velocity, side: Some(side), ..waiting })
     }
 
     /// The agent can plan in the frame of the lane: it does not head across it, as before a turn into it.
@@ -347,11 +343,10 @@ fn shift(route: &Route, lane: &ReferencePath) -> f64 {
     found.unwrap_or(0.0)
 }
 
-/// The agent has shown a change to a side for long enough; those that show none never wait for it.
-fn has_shown(request: &PlanRequest, side: Option<Turn>) -> bool {
+/// The agent has shown a change to a side for long enough, or shows none.
+fn has_shown(request: &PlanRequest, side: Turn) -> bool {
     let shows = request.rules.settings.enabled && request.rules.settings.blinkers;
-    let shown = |side| request.indicator.steps(side, request.time_step) as f64 * request.dt;
-    !shows || side.is_none_or(|side| shown(side) >= SHOWN_TIME)
+    !shows || request.indicator.steps(side, request.time_step) as f64 * request.dt >= SHOWN_TIME
 }
 
 /// Time gap that is kept if the change must be done within a time [s].

@@ -318,11 +318,8 @@ impl Lane {
             }
             let helping = |piece: &Piece| {
                 let lanelet = &lanelets[piece.lanelet];
-                let sides = [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten();
-                sides
-                    .filter(|(beside, same)| *same && changes[*beside] < pieces[i].changes)
-                    .map(|(beside, _)| beside)
-                    .next()
+                let mut sides = [lanelet.adjacent_left, lanelet.adjacent_right].into_iter().flatten();
+                sides.find(|(beside, same)| *same && changes[*beside] < pieces[i].changes).map(|(beside, _)| beside)
             };
             let found = pieces[i..].iter().rev().find_map(|piece| Some((piece.end, helping(piece)?)));
             let (last, beside) = found.map_or((pieces[i].end, None), |(end, beside)| (end, Some(beside)));

@@ -68,10 +68,15 @@ impl World {
         orders[place].barrier
     }
 
-    /// What an agent shows of the way that it takes at a fork; nothing while it reverses.
+    /// The speed at which an agent shows something by its blinkers [m/s]; `None` while it reverses.
+    fn showing_velocity(&self, drive: &Drive) -> Option<f64> {
+        let velocity = self.states[drive.row]?.velocity;
+        (!reverses(velocity)).then_some(velocity.max(0.0))
+    }
+
+    /// What an agent shows of the way that it takes at a fork.
     fn turning<'a>(&self, drive: &'a Drive) -> Option<&'a Turning> {
-        let velocity = Some(self.states[drive.row]?.velocity).filter(|velocity| !reverses(*velocity))?.max(0.0);
-        let front = drive.front();
+        let (velocity, front) = (self.showing_velocity(drive)?, drive.front());
         drive.way.turning(front, front - drive.agent.vehicle.length, velocity)
     }
 
@@ -85,11 +90,10 @@ impl World {
         if !(drive.agent.rules.enabled && drive.agent.rules.blinkers) {
             return None;
         }
-        if drive.prepared.get().is_some_and(|prepared| prepared.chooses_lanes()) {
+        let (velocity, front) = (self.showing_velocity(drive)?, drive.front());
+        if drive.prepared(&self.scenario).chooses_lanes() {
             return drive.indicator.side();
         }
-        let velocity = self.states[drive.row]?.velocity.max(0.0);
-        let front = drive.front();
         drive.way.lane_change(front, front - drive.agent.vehicle.length, velocity)
     }
 
