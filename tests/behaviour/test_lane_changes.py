@@ -159,6 +159,15 @@ def test_where_its_lane_ends_soon_it_does_not_wait_to_have_shown_it():
     assert turns(drive.run)[0] == 1.0
 
 
+def test_it_shows_the_change_to_its_end_where_the_lane_that_it_leaves_ends_before():
+    run = Drive(two_lanes(first_ends=85.0)).run
+    x, y, shown = run.states.x[0], run.states.y[0], turns(run) == 1.0
+    last = int(np.flatnonzero(shown)[-1])
+    assert shown[: last + 1].all(), "without a break"
+    assert abs(y[int(np.argmax(x > 85.0))] - 3.5) > 0.8, "m: the change is not over where lane 1 ends"
+    assert y[last + 1] == pytest.approx(3.5, abs=0.5), "m: in the middle of lane 2"
+
+
 def test_without_blinkers_it_shows_nothing_and_waits_for_nothing():
     run = idr.simulate(two_lanes(), agents=[1], threads=1, settings={"rules.blinkers": False})
     assert int(np.argmax(run.states.y[0] > 1.75)) * run.scenario.dt < HALF_OVER, "s until it is half over"

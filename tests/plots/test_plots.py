@@ -207,6 +207,23 @@ def test_a_frame_shows_agents_in_colour_and_recorded_vehicles_in_grey(run):
     assert (0xCC, 0x79, 0xA7) in colors  # agent 4, a bus
 
 
+@pytest.mark.parametrize(("turn", "sides"), [(1.0, {1.0}), (-1.0, {-1.0}), (0.0, set()), (np.nan, set())])
+def test_a_frame_shows_two_blinkers_on_the_side_that_an_agent_shows(run, turn, sides):
+    own = (run.plans.agent_id == 1) & (run.plans.time_step == 30)
+    stage = Stage(replace(run, plans=replace(run.plans, turn=np.where(own, turn, np.nan))))
+    stage.frame(30)
+    row = int(np.flatnonzero(run.states.participant_id == 1)[0])
+    x, y, orientation = stage.footprints.pose(row, 30)
+    ahead = np.array([np.cos(orientation), np.sin(orientation)])
+    center, front = (stage.view.picture_from_world(np.array([x, y]) + way * ahead) for way in (0.0, 1.0))
+    marks = [path.vertices.mean(axis=0) - center for path in stage.layers.blinkers.get_paths()]
+    along = front - center
+    assert {float(np.sign(along[0] * mark[1] - along[1] * mark[0])) for mark in marks} == sides
+    assert len(marks) == 2 * len(sides)
+    stage.frame(31)
+    assert not stage.layers.blinkers.get_paths(), "a step later it shows nothing"
+
+
 def test_a_crashed_agent_stays_marked_from_the_moment_of_the_collision(run):
     stage = Stage(run)
     wreck = lambda column: (stage.frame(column), len(stage.layers.wrecks.get_paths()))[1]  # noqa: E731

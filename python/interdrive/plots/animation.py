@@ -48,8 +48,9 @@ def animate_run(
 ) -> None:
     """Writes a film of the run in real time, whole or not at all.
 
-    Agents have colours and ids, recorded traffic is grey, a coloured line is an agent's chosen plan. An agent that is
-    done leaves the marker of its outcome; a collision stays marked.
+    Agents have colours and ids, recorded traffic is grey, a coloured line is an agent's chosen plan. Amber marks at two
+    corners of an agent are its blinkers. An agent that is done leaves the marker of its outcome; a collision stays
+    marked.
 
     Args:
         run: Finished or interrupted.

@@ -190,7 +190,10 @@ impl LaneRoutes {
             return (aim, LaneChange { velocity: Some(velocity), ..LaneChange::default() });
         };
         if need.changes == 0 {
-            return (aim, LaneChange::default());
+            // The lane that it has left may end beside it before the change is over.
+            let half = 0.5 * lanes[aim.lane].width(aim.s, request.road);
+            let side = request.change_to(&aim, half).filter(|_| offset.abs() > SETTLED_OFFSET);
+            return (aim, LaneChange { side, ..LaneChange::default() });
         }
         let follower = self.follower(request, aim);
         // Once it cannot stop comfortably any more, it does not stop because the vehicle behind has fallen back.
