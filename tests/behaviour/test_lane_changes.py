@@ -168,6 +168,15 @@ def test_it_shows_the_change_to_its_end_where_the_lane_that_it_leaves_ends_befor
     assert y[last + 1] == pytest.approx(3.5, abs=0.5), "m: in the middle of lane 2"
 
 
+def test_an_agent_that_enters_in_the_middle_of_a_change_goes_on_with_it():
+    agent = problem(1, 50.0, 1.2, SPEED, 0.06, goal=(560.0, 3.5), goal_size=(40.0, 3.5), time_step=(0, 500))
+    run = idr.simulate(world(straight_road(600.0, lanes=2), problems=[agent], steps=500), agents=[1], threads=1)
+    y = run.states.y[0, run.states.valid[0]]
+    assert (np.diff(y[:40]) > -0.01).all(), "m: it does not go back"
+    assert int(np.argmax(y > 1.75)) * run.scenario.dt < 1.5, "s until it is half over"
+    assert turns(run)[0] == 1.0
+
+
 def test_without_blinkers_it_shows_nothing_and_waits_for_nothing():
     run = idr.simulate(two_lanes(), agents=[1], threads=1, settings={"rules.blinkers": False})
     assert int(np.argmax(run.states.y[0] > 1.75)) * run.scenario.dt < HALF_OVER, "s until it is half over"

@@ -206,7 +206,7 @@ impl LaneRoutes {
         let time_gap = time_gap(time);
         let (own, lag) = (comfort.deceleration, FIRM_DECELERATION);
         let side = there.side();
-        let is_shown = time < HURRY.0 || has_shown(request, side);
+        let is_shown = time < HURRY.0 || has_shown(request, side) || self.enters_changing(request, &aim, side);
         let is_accepted = is_shown && self.fits(request, Criterion { gap_min: GAP_MIN, time_gap, own, lag }, there);
         // Too late to wait: it changes as far as contacts allow.
         if is_accepted || !gives_up && !can_stop(aim.s, &need) {
@@ -216,6 +216,15 @@ impl LaneRoutes {
         }
         let velocity = self.seek(request, comfort, (aim, there), (follower, waiting.end));
         (aim, LaneChange { velocity, side: Some(side), ..waiting })
+    }
+
+    /// The agent enters in the middle of a change to a side: beside its lane's middle, and moving on as fast as it would in a
+    /// gentle one.
+    fn enters_changing(&self, request: &PlanRequest, aim: &Aim, side: Turn) -> bool {
+        let sign = if side == Turn::Left { 1.0 } else { -1.0 };
+        let along = self.lanes.lanes[aim.lane].path.at(aim.s).theta;
+        let aside = request.state.velocity * (request.state.orientation - along).sin();
+        request.previous.is_none() && sign * aim.d > SETTLED_OFFSET && sign * aside > GENTLE_SPEED
     }
 
     /// The agent can plan in the frame of the lane: it does not head across it, as before a turn into it.
