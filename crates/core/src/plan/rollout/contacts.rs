@@ -342,7 +342,7 @@ mod tests {
                 }
                 let prediction_index = PredictionIndex::of(&jumping, &drive.positions());
                 let request = &PlanRequest { predictions: &jumping, prediction_index: &prediction_index, ..*request };
-                let (settings, start) = (RolloutSettings::default(), Start::new(request).expect("on its path"));
+                let (settings, start) = (RolloutSettings::default(), Start::new(request, true).expect("on its path"));
                 let center = request.state.pose().position;
                 let (axis, n_points) = (Point::new(1.0, 0.0), known.n_steps + 1);
                 let still = DrivenPoint {

@@ -32,6 +32,8 @@ use search::{Best, Search};
 use speeds::RoadSpeeds;
 use steering::Rollout;
 
+/// Plans that cost more make the yaw rate of a recorded state doubtful.
+const DOUBTFUL_COST: f64 = 5.0;
 /// Plans with a contact or off the road that cost more are emergencies.
 const DANGER_COST: f64 = 60.0;
 
@@ -77,7 +79,13 @@ pub(super) fn plan(
 
 /// The best roll-out for a request.
 fn best(request: &PlanRequest, settings: &RolloutSettings, memory: &mut RolloutMemory) -> Option<Best> {
-    Some(Search::new(request, settings, Start::new(request)?, memory).run())
+    let best = Search::new(request, settings, Start::new(request, true)?, memory).run();
+    if request.previous.is_some() || best.cost <= DOUBTFUL_COST {
+        return Some(best);
+    }
+    // Recorded yaw rates are noisy; all later ones come from a plan.
+    let other = Search::new(request, settings, Start::new(request, false)?, memory).run();
+    Some(if other.cost < best.cost { other } else { best })
 }
 
 /// What is in the way of a roll-out that is at a point in its first contact.

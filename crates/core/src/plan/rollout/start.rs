@@ -25,8 +25,8 @@ pub(in crate::plan) struct Start {
 }
 
 impl Start {
-    /// `None` if the agent is not beside its path.
-    pub(super) fn new(request: &PlanRequest) -> Option<Self> {
+    /// The yaw rate counts as stated, or is that of the path; `None` if the agent is not beside its path.
+    pub(super) fn new(request: &PlanRequest, yaw_rate_counts: bool) -> Option<Self> {
         let (path, vehicle, state) = (&request.route.path, request.vehicle, &request.state);
         let axle = vehicle.rear_axle_from_center(state.pose());
         let (s, d) = project(path, axle, request.s_hint)?;
@@ -35,8 +35,9 @@ impl Start {
         // A vehicle that enters within a turn turns its wheels like the path.
         let along = at.curvature / at.stretch(d).max(0.3);
         let stands = state.velocity.abs() <= STANDSTILL_SPEED;
+        let stated = if stands { along } else { state.yaw_rate / state.velocity };
         let limit = vehicle.curvature_max();
-        let curvature = if stands { along } else { state.yaw_rate / state.velocity }.clamp(-limit, limit);
+        let curvature = if yaw_rate_counts { stated } else { along }.clamp(-limit, limit);
         Some(Self { s, d, axle, theta: state.orientation, velocity, rolling, curvature, stands })
     }
 }

@@ -220,7 +220,7 @@ mod tests {
         let mut drive = Drive::on_three_lanes(30.0, 15.0);
         (drive.state.orientation, drive.state.y) = (0.2, drive.state.y + 0.8);
         drive.with_request(|request| {
-            let start = Start::new(request).expect("on its path");
+            let start = Start::new(request, true).expect("on its path");
             let speeds = Speeds { velocity: vec![15.0; 31], acceleration: vec![0.0; 31], s: 75.0 };
             for steering in [Steering::GENTLE, Steering::QUICK, Steering::FIRM, Steering::swinging(0.5, 0.8)] {
                 let (mut rollout, looks) = (Rollout::default(), RefCell::new(vec![(0.0, 0.0)]));
