@@ -32,6 +32,10 @@ const SWING_COST: f64 = 0.5;
 /// Shares of the tightest curvature, and times for which they are held [s], of vehicles that swing out.
 const SWINGS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
 const SWING_TIMES: [f64; 2] = [0.8, 2.0];
+/// Shares of the vehicle's largest deceleration with which it brakes in an emergency.
+const EMERGENCIES: [f64; 3] = [0.9, 0.6, 0.4];
+/// How far an agent swerves [m].
+const SWERVES: [f64; 6] = [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0];
 /// Those who stand and whom the footprint misses by this are no leaders [m].
 const SPARED: f64 = 0.1;
 
@@ -172,7 +176,7 @@ impl<'a> Search<'a> {
             self.swing_out();
         }
         if self.is_in_danger() {
-            self.brake();
+            self.evade();
         }
         let comes = self.best.as_ref().map_or(0.0, |best| best.way);
         if let Some(rollout) = self.settings.reverse.then(|| self.reverse(comes)).flatten() {
@@ -347,13 +351,25 @@ impl<'a> Search<'a> {
         self.choose(in_turn(proposals), Vec::new());
     }
 
-    /// Brakes as hard as the vehicle can, at the offset that it has.
-    fn brake(&mut self) {
+    /// Swerves and brakes as hard as the vehicle can.
+    fn evade(&mut self) {
         let ego = self.look(0.0);
-        let speeds = self.speeds(Pace::Emergency, &ego).expect("an agent can always brake");
-        let offset = (self.task.start.d, Along::Path);
-        let proposal = self.proposal(Pace::Emergency, (offset, Steering::FIRM), speeds);
-        self.choose(vec![Proposal { is_emergency: true, ..proposal }], Vec::new());
+        let d = self.task.start.d;
+        let mut proposals = Vec::new();
+        let slowing = self.speeds(Pace::Braking, &ego).expect("an agent can always brake");
+        for (pace, speeds) in [(Pace::Social, Rc::new(self.free.clone())), (Pace::Braking, slowing)] {
+            for swerve in SWERVES {
+                proposals.push(self.proposal(pace, ((d + swerve, Along::Path), Steering::QUICK), speeds.clone()));
+            }
+        }
+        for pace in EMERGENCIES.map(Pace::Emergency) {
+            let speeds = self.speeds(pace, &ego).expect("an agent can always brake");
+            for offset in [0.0, d] {
+                proposals.push(self.proposal(pace, ((offset, Along::Path), Steering::FIRM), speeds.clone()));
+            }
+        }
+        proposals.iter_mut().for_each(|one| one.is_emergency = true);
+        self.choose(in_turn(proposals), Vec::new());
     }
 
     /// Drives what may be better than the best, by increasing bounds.

@@ -35,8 +35,6 @@ const NEEDED_SHARE: f64 = 0.6;
 const PREVIEW: f64 = 0.65;
 /// Lateral acceleration that firm braking keeps to in bends, unless more is comfortable [m/s²].
 const FIRM_LATERAL: f64 = 4.0;
-/// Share of the vehicle's largest deceleration with which it brakes in an emergency: the rest is left for steering.
-const EMERGENCY_SHARE: f64 = 0.9;
 /// Share of the vehicle's steering rate at which bends are entered.
 const STEERING_SHARE: f64 = 0.8;
 /// Deceleration with which a gap is opened that is smaller than comfortable [m/s²].
@@ -80,8 +78,8 @@ pub(super) enum Pace {
     Stopping,
     /// Stops quickly.
     Braking,
-    /// Stops nearly as hard as the vehicle can.
-    Emergency,
+    /// Stops with a share of the vehicle's largest deceleration.
+    Emergency(f64),
     /// Drives back.
     Reversing,
 }
@@ -127,7 +125,7 @@ impl Pace {
             Self::Walking => "walking",
             Self::Stopping => "stopping",
             Self::Braking => "braking",
-            Self::Emergency => "emergency",
+            Self::Emergency(_) => "emergency",
             Self::Reversing => "reversing",
         }
     }
@@ -280,7 +278,7 @@ impl Speeds {
         let deference = Deference { counts_crossing, ..Deference::to_standing(gap) };
         match pace {
             Pace::Reversing => return None,
-            Pace::Emergency => return Some(integrate(task, |_, _, _| -EMERGENCY_SHARE * vehicle.acceleration_max)),
+            Pace::Emergency(share) => return Some(integrate(task, |_, _, _| -share * vehicle.acceleration_max)),
             Pace::Social | Pace::Bold => conflicts.decide(task.request, ego, deference, &free.motions(task)),
             Pace::Half | Pace::Walking | Pace::Stopping | Pace::Braking => conflicts.yield_to_all(ego),
         }

@@ -57,7 +57,7 @@ impl Steering {
     pub(super) const GENTLE: Self = Self { time: 1.6, ..Self::FIRM };
     /// Changes lanes where there is less.
     pub(super) const BRISK: Self = Self { time: 1.15, ..Self::FIRM };
-    /// Corrects an offset in little time.
+    /// Swerves.
     pub(super) const QUICK: Self = Self { preview: 0.4, time: 0.55, ..Self::FIRM };
     /// Where the road is narrow, in turn.
     pub(super) const CORNERING: [Self; 3] = [
