@@ -14,7 +14,7 @@ LAST_LINES = {
     "02_own_planner.py": "agent 1002 with a planner of its own: goal_reached",
     "03_degrees_of_interaction.py": "interactive: 1001 goal_reached, 1002 goal_reached, 1003 goal_reached, "
     "1004 goal_reached, 1005 goal_reached, 1006 goal_reached, 2001 goal_reached",
-    "04_own_predictor.py": "with this predictor 8 of 8 agents reach their goal, 2 late",
+    "04_own_predictor.py": "with this predictor 8 of 8 agents reach their goal, 1 late",
     "05_batch.py": "idm_mobil: 46 agents, 93 % reached their goal in time",
     "06_environment.py": "collision: 7, off the road: 12",
     "08_obeying_planner.py": "26 of 26 agents reached their goal, 0 broke a rule",
